@@ -11,7 +11,7 @@ from numba.core import cgutils
 from numba.extending import intrinsic
 
 from benchmarks.common import best
-from lvnav_trade.kernels.lanes import like, view
+from lvnav_trade.kernels.lanes import number_like, view
 from lvnav_trade.kernels.vector import WIDTH, f64x8
 
 CHAINS = 12
@@ -32,7 +32,7 @@ def _chains(x, rounds):
     v = view(x)
     a0, a1, a2, a3, a4, a5 = v[0], v[1], v[2], v[3], v[4], v[5]
     a6, a7, a8, a9, a10, a11 = v[6], v[7], v[8], v[9], v[10], v[11]
-    m, c = like(a0, 0.999999), like(a0, 1e-6)
+    m, c = number_like(a0, 0.999999), number_like(a0, 1e-6)
     for _ in range(rounds):
         a0, a1, a2, a3 = _fma(a0, m, c), _fma(a1, m, c), _fma(a2, m, c), _fma(a3, m, c)
         a4, a5, a6, a7 = _fma(a4, m, c), _fma(a5, m, c), _fma(a6, m, c), _fma(a7, m, c)

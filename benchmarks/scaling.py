@@ -10,10 +10,10 @@ from pathlib import Path
 
 from benchmarks.common import HERE
 from lvnav_trade.campaign.definition.axes import cases
-from lvnav_trade.campaign.reading.load import load, resolved
+from lvnav_trade.campaign.reading.load import load, resolved_text
 from lvnav_trade.campaign.running import work
 from lvnav_trade.campaign.running.plan import Block
-from lvnav_trade.campaign.running.pool import each
+from lvnav_trade.campaign.running.pool import map_items
 from lvnav_trade.campaign.running.provenance import manifest
 from lvnav_trade.results.tables.write import open_results
 
@@ -23,7 +23,7 @@ BLOCKS, RUNS, REPEATS = 64, 40, 3
 def _seconds(jobs: int, folder: Path) -> float:
     campaign = load(HERE / "flight.yaml", ())
     case = cases(campaign)[0]
-    results = open_results(folder, campaign.name, resolved(campaign), manifest(campaign, [case]), "fresh")
+    results = open_results(folder, campaign.name, resolved_text(campaign), manifest(campaign, [case]), "fresh")
     job = work.Job(
         work.ENGINE,
         results,
@@ -34,11 +34,15 @@ def _seconds(jobs: int, folder: Path) -> float:
     )
 
     def fly(numbers: range) -> None:
-        for done in each(jobs, work.fly, ((job, Block(case, RUNS * number, RUNS)) for number in numbers)):
+        for done in map_items(
+            jobs, work.simulate_block, ((job, Block(case, RUNS * number, RUNS)) for number in numbers)
+        ):
             if done.error:
                 raise RuntimeError(done.error)
 
-    for found in each(jobs, work.answer, [(job, case)]):  # what the histograms of the runs are counted in units of
+    for found in map_items(
+        jobs, work.compute_covariance, [(job, case)]
+    ):  # what the histograms of the runs are counted in units of
         if found.error:
             raise RuntimeError(found.error)
     fly(range(BLOCKS, BLOCKS + 6 * jobs))  # every worker loads its kernels and builds the flight

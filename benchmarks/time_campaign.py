@@ -11,7 +11,7 @@ from typing import Any
 from benchmarks.common import HERE
 from lvnav_trade import api
 from lvnav_trade.campaign.definition.axes import Case, cases
-from lvnav_trade.campaign.reading.load import load, resolved
+from lvnav_trade.campaign.reading.load import load, resolved_text
 from lvnav_trade.campaign.running import work
 from lvnav_trade.campaign.running.conduct import analyse_case
 from lvnav_trade.campaign.running.plan import Block
@@ -31,23 +31,27 @@ def _opened(file: str, sets: tuple[str, ...], folder: Path, count: int) -> tuple
     """Return a job with results in a folder, and the first cases of a campaign."""
     campaign = load(HERE / file, sets)
     found = cases(campaign)[:count]
-    results = open_results(folder, campaign.name, resolved(campaign), manifest(campaign, found), "fresh")
+    results = open_results(folder, campaign.name, resolved_text(campaign), manifest(campaign, found), "fresh")
     return work.job_of(campaign, work.ENGINE, folder)._replace(results=results), found
 
 
 def _throughput(folder: Path) -> float:
     """Return the share of the processor time of stored runs that their flight takes: fly, add up, store, merge."""
     job, (case, *_) = _opened("flight.yaml", (), folder, 1)
-    work.answer(job, case)
+    work.compute_covariance(job, case)
 
     def stored(first: int, count: int) -> float:
-        flown = _seconds(lambda: [work.fly(job, Block(case, RUNS * k, RUNS)) for k in range(first, first + count)])
-        return flown + _seconds(lambda: work.close(job, case, RUNS * (first + count)))
+        flown = _seconds(
+            lambda: [work.simulate_block(job, Block(case, RUNS * k, RUNS)) for k in range(first, first + count)]
+        )
+        return flown + _seconds(lambda: work.write_tables(job, case, RUNS * (first + count)))
 
-    prepared = job.engine.prepare(case.scenario, job.history)
+    prepared_case = job.engine.prepare(case.scenario, job.history_step)
     stored(0, 2)
     few, many = stored(2, 2), stored(4, BLOCKS)  # what each further run takes: the tables of a case cost the same
-    kernel = _seconds(lambda: [job.engine.run_block(prepared, job.seed, RUNS * k, RUNS) for k in range(BLOCKS - 2)])
+    kernel = _seconds(
+        lambda: [job.engine.run_block(prepared_case, job.seed, RUNS * k, RUNS) for k in range(BLOCKS - 2)]
+    )
     return kernel / (many - few)
 
 
@@ -57,7 +61,7 @@ def _sweep(folder: Path, *sets: str) -> float:
     for case in found[:2]:
         analyse_case(job, case)
     flown = _seconds(lambda: [analyse_case(job, case) for case in found[2 : 2 + CASES]])
-    engine, history = job.engine, job.history
+    engine, history = job.engine, job.history_step
     alone = _seconds(lambda: [engine.covariance(engine.prepare(case.scenario, history)) for case in found[2 + CASES :]])
     done = [case.id for case in found[: 2 + CASES]]
     return (flown + _seconds(lambda: job.results.finish({"cases": done})) * CASES / len(done)) / alone

@@ -37,15 +37,15 @@ def _print_times(stage: str) -> None:
         request = work.covariance_request(campaign)
         times = [time.process_time()]
         engine.events(scenario)
-        prepared = engine.prepare(scenario, campaign.keep.history)
+        prepared_case = engine.prepare(scenario, campaign.keep.history)
         times.append(time.process_time())
     if stage == "simulation":
-        engine.compile_kernels(prepared, request)
+        engine.compile_kernels(prepared_case, request)
         times.append(time.process_time())
     if stage == "covariance":
-        covariance = engine.covariance(prepared)
+        covariance = engine.covariance(prepared_case)
         times.append(time.process_time())
-        engine.explain(scenario, prepared, covariance, request)
+        engine.diagnose(scenario, prepared_case, covariance, request)
         times.append(time.process_time())
     print(*(end - start for start, end in pairwise(times)))
 

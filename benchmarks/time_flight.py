@@ -6,15 +6,15 @@ from __future__ import annotations
 
 from benchmarks.common import best, scenario
 from lvnav_trade.simulation.montecarlo import run_block
-from lvnav_trade.simulation.preparation.prepare import Prepared, prepare
+from lvnav_trade.simulation.preparation.prepare import PreparedCase, prepare
 
 RUNS = 16
 
 
-def speed(prepared: Prepared, runs: int = RUNS) -> float:
+def speed(prepared_case: PreparedCase, runs: int = RUNS) -> float:
     """Return simulated seconds per wall second on one core, compilation excluded."""
-    seconds = float(prepared.reference.t[-1] - prepared.reference.t[0])
-    return runs * seconds / best(lambda: run_block(prepared, 1, 0, runs))
+    seconds = float(prepared_case.reference.t[-1] - prepared_case.reference.t[0])
+    return runs * seconds / best(lambda: run_block(prepared_case, 1, 0, runs))
 
 
 def measure() -> dict[str, float]:

@@ -19,7 +19,7 @@ from lvnav_trade.kernels.mechanisation import mechanise
 from lvnav_trade.kernels.random import normals
 from lvnav_trade.kernels.strapdown import J4, N_SUM, full_rate
 from lvnav_trade.kernels.vector import WIDTH
-from lvnav_trade.simulation.preparation.prepare import Prepared, prepare
+from lvnav_trade.simulation.preparation.prepare import PreparedCase, prepare
 
 REPEATS, TICKS = 2000, 20
 
@@ -104,9 +104,9 @@ def aligned(array: np.ndarray) -> np.ndarray:
     return found
 
 
-def kernels(prepared: Prepared) -> list[Kernel]:
+def kernels(prepared_case: PreparedCase) -> list[Kernel]:
     """Return the cost of every kernel of a flight, for eight runs at once."""
-    rng, model, n = np.random.default_rng(0), prepared.model, prepared.layout.n_state
+    rng, model, n = np.random.default_rng(0), prepared_case.model, prepared_case.layout.n_state
     P = aligned(np.repeat(np.eye(n)[:, :, None], WIDTH, 2))
     D = aligned(rng.standard_normal((model.block_rows.size, 9, WIDTH)) * 1e-6)
     decay, noise = np.ones(n), np.full(n, 1e-12)
@@ -119,7 +119,7 @@ def kernels(prepared: Prepared) -> list[Kernel]:
     r, run = aligned(np.full((3, WIDTH), 4e6)), aligned(np.arange(WIDTH, dtype=np.uint64)[None])
     tables, remainder, drawn = (aligned_zeros((*size, WIDTH)) for size in ((2, processes.N_TABLE), (6,), (REPEATS, 4)))
     rows, columns = model.block_rows, model.block_columns
-    kinds, drivers, unit = model.block_kinds, model.block_drivers, prepared.unit
+    kinds, drivers, unit = model.block_kinds, model.block_drivers, prepared_case.unit
     flights = REPEATS // TICKS
     return [
         _time("four normals", lambda: _normals(run, drawn, REPEATS), REPEATS, 110),

@@ -17,9 +17,9 @@ CASES = 100
 
 
 def _case(one: Scenario) -> float:
-    prepared = prepare(one)
-    budget = adjoint(prepared, prepared.trajectory.events["injection"])
-    return float(covariance(prepared).true_sigma[-1, 3] + budget.contribution.sum())
+    prepared_case = prepare(one)
+    budget = adjoint(prepared_case, prepared_case.trajectory.events["injection"])
+    return float(covariance(prepared_case).true_sigma[-1, 3] + budget.contribution.sum())
 
 
 def sweep(jobs: int, n_case: int = CASES) -> float:

@@ -116,9 +116,9 @@ class Statement(PublishedStatement):
         return self.case | self.terms[name].case
 
     def _faults(self) -> Iterator[str]:
-        unshared = sorted(set(expression.names(self.value)) ^ set(self.terms))
-        if unshared:
-            yield f"value: {quoted(self.value)} and the terms do not have the same names ({', '.join(unshared)})"
+        unshared_names = sorted(set(expression.names(self.value)) ^ set(self.terms))
+        if unshared_names:
+            yield f"value: {quoted(self.value)} and the terms do not have the same names ({', '.join(unshared_names)})"
         other_bounds = (self.at_least, self.at_most, self.probability)
         has_bound = any(bound is not None for bound in other_bounds)
         if self.of_runs is None and not has_bound:
@@ -136,7 +136,7 @@ class Statement(PublishedStatement):
                 yield "probability is the bound of a single NEES, in place of at_most"
 
 
-class Elsewhere(PublishedStatement):
+class ExternalNumber(PublishedStatement):
     """Statement that is tested by a number from outside the campaigns, such as a benchmark; remark: its origin."""
 
     value: float = Field(description="the number that was found")
@@ -170,12 +170,12 @@ class Claims(Card):
     )
 
 
-class OfStudy(Card):
+class StudyStatements(Card):
     """Statements that belong to no campaign."""
 
     not_set_up: tuple[PublishedStatement, ...] = Field(
         (), description="statements of the publication that no campaign answers; remark: what is missing"
     )
-    elsewhere: tuple[Elsewhere, ...] = Field(
+    elsewhere: tuple[ExternalNumber, ...] = Field(
         (), description="statements that a number from elsewhere answers, such as a measured time"
     )

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from scipy import stats
 
-from lvnav_studies.cases import matching, readings
+from lvnav_studies.cases import matching_cases, readings
 from lvnav_trade.api.input import parse
 from lvnav_trade.api.measures import (
     HOLDS,
@@ -71,30 +71,30 @@ def bounds(statement: Mapping[str, Any], runs: int) -> tuple[float, float]:
 
 def rows(tables: Tables, statement: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
     """Yield a row of the table of references for each reading of a statement: each choice of the axes left open."""
-    along = statement.get("along") or ""
+    axis_name = statement.get("along") or ""
     tested_by = statement.get("tested_by") or NUMBERS
     term_levels = _term_levels(statement)
-    values_along = _values_along(tables, statement, along) if along else {}
+    values_along = _values_along(tables, statement, axis_name) if axis_name else {}
     planned_runs = int((tables.campaign.get("monte_carlo") or {}).get("runs") or 1)
     is_read = False
     for levels, value in _read_values(tables, statement, term_levels):
         is_read = True
         low, high = bounds(statement, value.runs or planned_runs)
-        tested = value
+        tested_value = value
         if statement.get("of_runs") is not None:  # these bounds include the interval of the runs
-            tested = value._replace(low=np.nan, high=np.nan)
-        word = verdict(tested, low, high, tested_by)
+            tested_value = value._replace(low=np.nan, high=np.nan)
+        word = verdict(tested_value, low, high, tested_by)
         remarks = [str(statement.get("remark") or ""), *value.remarks]
         if not value.runs and "monte_carlo" in tested_by:
             remarks.append("linear covariance alone" if np.isnan(value.monte_carlo) else "without an interval")
         if word != HOLDS:
-            choice = tuple(sorted((axis, level) for axis, level in levels.items() if axis != along))
-            crossing = where_bound(values_along.get(choice, ()), low, high, tested_by)
+            choice = tuple(sorted((axis, level) for axis, level in levels.items() if axis != axis_name))
+            crossing = bound_crossing(values_along.get(choice, ()), low, high, tested_by)
             if crossing:
-                remarks.append(f"bound reached at {along} = {crossing}")
+                remarks.append(f"bound reached at {axis_name} = {crossing}")
         yield {
             **_identity_cells(statement),
-            "case": case_named(statement.get("case") or {}, levels),
+            "case": case_text(statement.get("case") or {}, levels),
             "metric": _metric_text(statement),
             "unit": statement.get("unit") or "-",
             **{key: getattr(value, key) for key in (*NUMBERS, "low", "high")},
@@ -140,10 +140,10 @@ def _identity_cells(statement: Mapping[str, Any]) -> dict[str, str]:
     return cells | marks(statement, "statement")
 
 
-def case_named(statement: Mapping[str, str], levels: Mapping[str, str]) -> str:
+def case_text(statement_levels: Mapping[str, str], levels: Mapping[str, str]) -> str:
     """Return the levels that a statement names and those of a reading as text, without axes at the base."""
-    varied = {axis: level for axis, level in levels.items() if level != _BASE}
-    named_levels = {**statement, **varied}
+    varied_levels = {axis: level for axis, level in levels.items() if level != _BASE}
+    named_levels = {**statement_levels, **varied_levels}
     text = ", ".join(f"{axis}={level}" for axis, level in named_levels.items())
     if text:
         return text
@@ -182,16 +182,16 @@ def _first_levels(case_levels: Sequence[Mapping[str, str]], term: Mapping[str, A
 
 def _term_value(tables: Tables, case: str, term: Mapping[str, Any], unit: str) -> MetricValue:
     """Return the numbers of a term: of its case, or the median over all levels of an axis."""
-    over = str(term.get("over") or "")
+    median_axis = str(term.get("over") or "")
     if term.get("minus") is not None:
         subtracted_levels = {**tables.levels[case], **term["minus"]}
-        subtracted = cases_of(tables, subtracted_levels, ())
-        if not subtracted:
+        subtracted_cases = cases_of(tables, subtracted_levels, ())
+        if not subtracted_cases:
             return MetricValue(remark="no such case")
-        return difference(tables, case, subtracted[0], term, unit)
-    if not over:
+        return difference(tables, case, subtracted_cases[0], term, unit)
+    if not median_axis:
         return _case_value(tables, case, term, unit)
-    fixed_levels = {axis: level for axis, level in tables.levels[case].items() if axis != over}
+    fixed_levels = {axis: level for axis, level in tables.levels[case].items() if axis != median_axis}
     cases = [name for name, levels in tables.levels.items() if fixed_levels.items() <= levels.items()]
     if term["metric"] == REACQUIRED:
         instant = str(term.get("at") or "injection")
@@ -239,15 +239,15 @@ def _metric_text(statement: Mapping[str, Any]) -> str:
 
 def locus(tables: Tables, statement: Mapping[str, Any]) -> list[tuple[str, LevelValues]]:
     """Return the values of a statement along its axis, level by level, for each choice of the other axes left open."""
-    along = str(statement.get("along") or "")
+    axis_name = str(statement.get("along") or "")
     values_by_choice = []
-    for choice, values in _values_along(tables, statement, along).items():
+    for choice, values in _values_along(tables, statement, axis_name).items():
         text = ", ".join(f"{axis}={level}" for axis, level in choice)
         values_by_choice.append((text, values))
     return values_by_choice
 
 
-def _values_along(tables: Tables, statement: Mapping[str, Any], along: str) -> dict[Choice, LevelValues]:
+def _values_along(tables: Tables, statement: Mapping[str, Any], axis_name: str) -> dict[Choice, LevelValues]:
     """Return the values of `locus`, by the levels of the other open axes.
 
     A term that names another level of the axis than the statement is the reference of the comparison: it stays at its
@@ -255,28 +255,28 @@ def _values_along(tables: Tables, statement: Mapping[str, Any], along: str) -> d
     """
     case_levels = list(tables.levels.values())
     term_levels = _term_levels(statement)
-    named = {name: levels[along] for name, levels in term_levels.items() if along in levels}
-    first_level = next(iter(named.values()), None)
+    level_by_term = {name: levels[axis_name] for name, levels in term_levels.items() if axis_name in levels}
+    first_level = next(iter(level_by_term.values()), None)
     levels_of_statement = statement.get("case") or {}
-    statement_level = levels_of_statement.get(along, first_level)
-    fixed = {name for name, level in named.items() if level != statement_level}
+    statement_level = levels_of_statement.get(axis_name, first_level)
+    fixed_terms = {name for name, level in level_by_term.items() if level != statement_level}
     values_by_choice: dict[Choice, LevelValues] = {}
-    levels_along = dict.fromkeys(levels[along] for levels in case_levels)
+    levels_along = dict.fromkeys(levels[axis_name] for levels in case_levels)
     for level in levels_along:
-        moved = {}
+        moved_terms = {}
         for name, levels in term_levels.items():
-            levels_there = {**levels, along: level}
-            if name not in fixed and matching(case_levels, levels_there):
-                moved[name] = levels_there
-        if moved:
-            moved_levels = {**term_levels, **moved}
+            levels_there = {**levels, axis_name: level}
+            if name not in fixed_terms and matching_cases(case_levels, levels_there):
+                moved_terms[name] = levels_there
+        if moved_terms:
+            moved_levels = {**term_levels, **moved_terms}
             for levels, value in _read_values(tables, statement, moved_levels):
                 choice = tuple(sorted(levels.items()))
                 values_by_choice.setdefault(choice, []).append((level, value))
     return values_by_choice
 
 
-def where_bound(
+def bound_crossing(
     values: Sequence[tuple[str, ExpressionValue]], low: float, high: float, tested_by: Sequence[str] = ("true",)
 ) -> str:
     """Return the level at which the true error first reaches a bound, interpolated between levels that are numbers.

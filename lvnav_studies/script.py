@@ -9,7 +9,7 @@ from typing import Any
 import pandas as pd
 
 from lvnav_studies.checks import faults, faults_in_flight
-from lvnav_studies.claims import Claims, OfStudy, Statement
+from lvnav_studies.claims import Claims, Statement, StudyStatements
 from lvnav_studies.figures import bound
 from lvnav_studies.rows import claim_rows
 from lvnav_studies.verdicts import further_rows, verdicts
@@ -39,7 +39,7 @@ class Publication(StudyScript):
     ----------
     claims : mapping of str to InputFile of Claims
         Claims on each campaign by its name, from the files ``statements/CAMPAIGN.yaml``.
-    of_study : OfStudy
+    study_statements : StudyStatements
         Statements that belong to no campaign, from ``statements/study.yaml``.
     """
 
@@ -75,9 +75,11 @@ class Publication(StudyScript):
             if file.stem != STUDY:
                 self.claims[file.stem] = read_input(file, Claims)
         study_file = statement_folder / f"{STUDY}.yaml"
-        self.of_study = read_input(study_file, OfStudy).content if study_file.is_file() else OfStudy()
+        self.study_statements = StudyStatements()
+        if study_file.is_file():
+            self.study_statements = read_input(study_file, StudyStatements).content
 
-    def of(self, campaign: str) -> Claims:
+    def campaign_claims(self, campaign: str) -> Claims:
         """Return the claims on a campaign; empty if it has no file."""
         file = self.claims.get(campaign)
         return Claims() if file is None else file.content
@@ -104,21 +106,23 @@ class Publication(StudyScript):
 
     def references(self, campaign: str) -> Sequence[Mapping[str, Any]]:
         """Return published numbers of metrics that the script adds."""
-        claims = self.of(campaign).model_dump(mode="json")
+        claims = self.campaign_claims(campaign).model_dump(mode="json")
         references: list[Mapping[str, Any]] = claims["references"]
         return references
 
     def entries(self, campaign: str) -> Mapping[str, Sequence[Mapping[str, Any]]]:
         """Return the claims on a campaign by list; for an empty name the statements that belong to no campaign."""
         if campaign:
-            claims: dict[str, list[dict[str, Any]]] = self.of(campaign).model_dump(mode="json", exclude={"missions"})
+            claims: dict[str, list[dict[str, Any]]] = self.campaign_claims(campaign).model_dump(
+                mode="json", exclude={"missions"}
+            )
             return claims
-        statements = [*self.of_study.not_set_up, *self.of_study.elsewhere]
+        statements = [*self.study_statements.not_set_up, *self.study_statements.elsewhere]
         return {"statements": [statement.model_dump(mode="json") for statement in statements]}
 
     def rows(self, campaign: str, tables: Tables) -> list[dict[str, Any]]:
         """Return the rows of orders, statements on innovations, and expressions."""
-        claims = self.of(campaign).model_dump(mode="json")
+        claims = self.campaign_claims(campaign).model_dump(mode="json")
         return claim_rows(tables, {"name": campaign, **claims})
 
     def table(self, results: api.Results | Tables) -> pd.DataFrame:
@@ -130,8 +134,8 @@ class Publication(StudyScript):
 
     def further_rows(self, not_run: Sequence[Campaign]) -> list[dict[str, Any]]:
         """Return the rows of statements without campaign, and of those of campaigns that have not been run."""
-        statements = {campaign.name: self.of(campaign.name).statements for campaign in not_run}
-        return further_rows(self.of_study, statements)
+        statements = {campaign.name: self.campaign_claims(campaign.name).statements for campaign in not_run}
+        return further_rows(self.study_statements, statements)
 
     def is_statement(self, rows: pd.DataFrame) -> pd.Series:
         """Whether each row is of an expression, or of a statement that no campaign answers."""
@@ -149,10 +153,10 @@ class Publication(StudyScript):
         """Return the further tables and figures of a campaign."""
         if self._make_blocks is None:
             return []
-        return self._make_blocks(answered, self.of(answered.campaign.name))
+        return self._make_blocks(answered, self.campaign_claims(answered.campaign.name))
 
     def _statement(self, campaign: str, figure: FigureEntry) -> Statement | None:
-        for statement in self.of(campaign).statements:
+        for statement in self.campaign_claims(campaign).statements:
             if statement.id == figure.settings.get("statement"):
                 return statement
         return None

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from lvnav_studies.claims import Elsewhere, OfStudy, Statement
+from lvnav_studies.claims import ExternalNumber, Statement, StudyStatements
 from lvnav_studies.evaluate import NOT_RUN
 from lvnav_trade.api.input import PublishedStatement
 from lvnav_trade.api.measures import FAILS, HOLDS, NOT_SET_UP, UNDECIDED, marks
@@ -29,7 +29,7 @@ _SUMMARY_TEXTS = {
     NOT_RUN: ("has not been run", "have not been run"),
 }
 _IN_PART = ("holds in part", "hold in part")
-# Columns of these tables, as `lvnav_trade.api.pages.shown` reads them
+# Columns of these tables, as `lvnav_trade.api.pages.formatted_columns` reads them
 _UNANSWERED_COLUMNS = "item | remark"
 _COLUMNS = (
     "item | campaign and case = case | formal: number | true: number | Monte Carlo = monte_carlo: number | "
@@ -37,7 +37,7 @@ _COLUMNS = (
 )
 
 
-def further_rows(study: OfStudy, not_run: Mapping[str, Sequence[Statement]]) -> list[dict[str, Any]]:
+def further_rows(study: StudyStatements, not_run: Mapping[str, Sequence[Statement]]) -> list[dict[str, Any]]:
     """Return the rows of statements without campaign, of campaigns without results, and of numbers from elsewhere.
 
     not_run : statements of the campaigns without results, by name of the campaign
@@ -68,7 +68,7 @@ def _identity_cells(statement: PublishedStatement) -> dict[str, str]:
     }
 
 
-def _number_row(statement: Elsewhere) -> dict[str, Any]:
+def _number_row(statement: ExternalNumber) -> dict[str, Any]:
     low = np.nan if statement.at_least is None else statement.at_least
     high = np.nan if statement.at_most is None else statement.at_most
     is_inside = not (statement.value < low or statement.value > high)
@@ -110,26 +110,26 @@ def verdicts(frame: pd.DataFrame) -> list[Block]:
 
 def _summary(verdicts_by_number: Any) -> str:
     """Return how many statements have each verdict, from the verdicts of the rows grouped by statement."""
-    verdict_sets = verdicts_by_number.agg(_answered)
+    verdict_sets = verdicts_by_number.agg(_statement_verdicts)
     counts = {}
     for verdict in _HEADINGS:
         is_unanimous = verdict_sets == frozenset([verdict])
         counts[verdict] = int(is_unanimous.sum())
-    texts = [_counted(counts[verdict], forms) for verdict, forms in _SUMMARY_TEXTS.items() if counts[verdict]]
-    mixed = len(verdict_sets) - sum(counts.values())
-    if mixed:
-        texts.append(f"{_counted(mixed, _IN_PART)}: for some readings or some of the conditions")
+    texts = [_count_text(counts[verdict], forms) for verdict, forms in _SUMMARY_TEXTS.items() if counts[verdict]]
+    mixed_count = len(verdict_sets) - sum(counts.values())
+    if mixed_count:
+        texts.append(f"{_count_text(mixed_count, _IN_PART)}: for some readings or some of the conditions")
     text_list = ", ".join(texts)
     n = len(verdict_sets)
     return f"Of {n} statement{'s' if n > 1 else ''} {text_list}."
 
 
-def _counted(n: int, forms: tuple[str, str]) -> str:
+def _count_text(n: int, forms: tuple[str, str]) -> str:
     """Return a number with the text for one or for several."""
     return f"{n} {forms[0] if n == 1 else forms[1]}"
 
 
-def _answered(words: pd.Series) -> frozenset[str]:
+def _statement_verdicts(words: pd.Series) -> frozenset[str]:
     """Return the different verdicts of one statement; a row without an answer counts only if no row has one."""
     verdict_set = frozenset(words)
     return verdict_set - {NOT_RUN, NOT_SET_UP} or verdict_set - {NOT_RUN} or verdict_set

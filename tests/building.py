@@ -24,9 +24,9 @@ from lvnav_trade.kernels.earth import gravity_j4
 from lvnav_trade.quantities.frames import quaternions
 from lvnav_trade.scenario.filter_models import filter_models
 from lvnav_trade.scenario.scenario import Scenario
-from lvnav_trade.sensors.family import SENSORS, kind_of
+from lvnav_trade.sensors.family import SENSORS, card_kind
 from lvnav_trade.simulation.preparation import true_flight as room
-from lvnav_trade.simulation.preparation.prepare import Prepared, prepare
+from lvnav_trade.simulation.preparation.prepare import PreparedCase, prepare
 from lvnav_trade.trajectory.flight import Phase, Trajectory, reference
 from lvnav_trade.trajectory.truth import attitude_spline, position_spline
 
@@ -46,7 +46,7 @@ def loaded(*settings: str) -> Scenario:
 @lru_cache(maxsize=1)
 def shipped_sensors() -> dict[str, str]:
     """Return a shipped card of every kind of sensor that has one, the first of its folder, as a campaign names it."""
-    configs, kinds = ROOT / "configs", {kind_of(card) for card in SENSORS}
+    configs, kinds = ROOT / "configs", {card_kind(card) for card in SENSORS}
     read = {path: YAML(typ="safe").load(path) for path in sorted(configs.rglob("*.yaml"), reverse=True)}
     named = {card["kind"]: path for path, card in read.items() if card.get("kind") in kinds}
     return {kind: str(path.relative_to(configs).with_suffix("")) for kind, path in sorted(named.items())}
@@ -156,12 +156,12 @@ def flying(trajectory: Trajectory) -> Iterator[None]:
     """Let every scenario that is prepared here fly this trajectory, whatever its card says."""
     with (
         patch.object(room, "cached_trajectory", lambda *card: trajectory),
-        patch.object(room, "sampled", lambda *card: reference(trajectory, card[-1])),
+        patch.object(room, "cached_reference", lambda *card: reference(trajectory, card[-1])),
     ):
         yield
 
 
-def prepare_hop(scenario: Scenario, trajectory: Trajectory | None = None, **how: Any) -> Prepared:
+def prepare_hop(scenario: Scenario, trajectory: Trajectory | None = None, **how: Any) -> PreparedCase:
     """Prepare a scenario on the short flight (or another trajectory)."""
     with flying(trajectory or hop()):
         return prepare(scenario, **how)
@@ -179,12 +179,12 @@ LOOSE, INERTIAL = "base.filter=filters/loose", "base.filter=filters/inertial"
 
 
 @lru_cache(maxsize=32)
-def case(*settings: str) -> Prepared:
+def case(*settings: str) -> PreparedCase:
     """Return the short flight, prepared, of the smoke campaign's scenario with settings."""
     return prepare_hop(loaded(*settings))
 
 
 @lru_cache(maxsize=8)
-def ascent(*settings: str) -> Prepared:
+def ascent(*settings: str) -> PreparedCase:
     """Return the shipped ascent, prepared, of the smoke campaign's scenario with settings."""
     return prepare(loaded(*settings))

@@ -35,7 +35,7 @@ def rows() -> np.ndarray:
 def with_injections(tables: Tables) -> Tables:
     """Return results of eight runs as if the first case were guided."""
     cov = synthetic.covariance()
-    block = synthetic.block(cov, 0, 8)._replace(injections=rows(), lost=LOST)
+    block = synthetic.block(cov, 0, 8)._replace(injections=rows(), lost_draws=LOST)
     summary = summarise(block, synthetic.EVENTS, cov.true_sigma, synthetic.OUTPUTS)
     case = synthetic.CASES[0][0].id
     columns = run_columns(synthetic.OUTPUTS, summary)

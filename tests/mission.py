@@ -44,7 +44,7 @@ def coast(r_i: np.ndarray, v_i: np.ndarray, t: np.ndarray, oblate: bool = True, 
 
 def flight(r_i: np.ndarray, v_i: np.ndarray) -> Any:
     """Return a prepared scenario of `synthetic` that coasts through this state at injection."""
-    made = synthetic.prepared()
+    made = synthetic.prepared_case()
     t, at = made.reference.t, synthetic.EVENTS["injection"]
     back = coast(r_i, v_i, np.concatenate([[at], t[t < at][::-1]]))
     ahead = coast(r_i, v_i, np.concatenate([[at], t[t >= at]]))
@@ -63,15 +63,15 @@ def results(
 ) -> Path:
     """Write the results of one case that coasts through an orbit, or a state, at injection."""
     r_i, v_i = state_from_elements(orbit) if isinstance(orbit, Elements) else orbit
-    prepared = flight(r_i, v_i)
+    prepared_case = flight(r_i, v_i)
     reported = synthetic.covariance(factor)
     written = open_results(folder, "synthetic", campaign, {"seed": 7}, "resume")
     for first in range(0, n_run, 40):
         block = synthetic.block(reported, first, min(40, n_run - first), failing=failing)
-        written.write_part(CASE, summarise(block, synthetic.EVENTS, reported.true_sigma, synthetic.OUTPUTS))
+        written.write_block(CASE, summarise(block, synthetic.EVENTS, reported.true_sigma, synthetic.OUTPUTS))
     info = CaseInfo(CASE, "imu=fine", {"imu": "fine"})
     written.write_case(
-        info, prepared, reported, written.parts(CASE) if n_run else None, synthetic.explanation(reported)
+        info, prepared_case, reported, written.block_summaries(CASE) if n_run else None, synthetic.explanation(reported)
     )
     written.finish({"timings_s": {}, "cases": [CASE]})
     return folder

@@ -14,7 +14,7 @@ import numpy as np
 import pandas as pd
 from scipy.io import loadmat
 
-from lvnav_trade.gnss.broadcast import BroadcastEphemerides, broadcast
+from lvnav_trade.gnss.broadcast import BroadcastEphemerides, broadcast_ephemerides
 from lvnav_trade.gnss.rinex import Ephemeris
 from lvnav_trade.kernels.earth import OMEGA
 from lvnav_trade.quantities.frames import geodetic_from_ecef, rotation_e_n
@@ -129,7 +129,7 @@ def solutions(observed: np.ndarray, stated: np.ndarray) -> list[list[float]]:
         Ephemeris(f"G{int(row[0]):02d}", row[1], row[13], 0.0, {k: row[at] for k, at in _ELEMENTS.items()})
         for row in used
     ]
-    sky = broadcast(every, 0.0)
+    sky = broadcast_ephemerides(every, 0.0)
     place, found = np.zeros(3), []
     for tow in np.unique(observed[:, 0]):
         rows = observed[observed[:, 0] == tow]

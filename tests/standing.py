@@ -9,10 +9,10 @@ import numpy as np
 
 from lvnav_trade.quantities.frames import earth_angle, ecef_from_geodetic, eci_from_ecef, quaternions, rotation_e_n
 from lvnav_trade.scenario.scenario import Scenario
-from lvnav_trade.simulation.preparation.prepare import Prepared
+from lvnav_trade.simulation.preparation.prepare import PreparedCase
 from lvnav_trade.trajectory.attitude_algebra import body_axes
 from lvnav_trade.trajectory.disturbances import OscillationCard, oscillations
-from lvnav_trade.trajectory.truth import Trajectory, attitude_spline, oscillating, pad_phase, pad_times
+from lvnav_trade.trajectory.truth import Trajectory, add_oscillations, attitude_spline, pad_phase, pad_times
 from tests.building import loaded, prepare_hop, with_fields
 
 THETA0 = 0.3
@@ -42,7 +42,7 @@ def pad(latitude: float, duration: float, sway: str = "") -> Trajectory:
     if not sway:
         return nominal
     cards = [OscillationCard.model_validate_json(sway)]
-    return oscillating(nominal, oscillations(cards, nominal.events, (-duration, 0.0)))
+    return add_oscillations(nominal, oscillations(cards, nominal.events, (-duration, 0.0)))
 
 
 def aligned(*sensors: str, imu: dict[str, str] | None = None, **fields: Any) -> Scenario:
@@ -60,6 +60,6 @@ def aligned(*sensors: str, imu: dict[str, str] | None = None, **fields: Any) -> 
     })  # fmt: skip
 
 
-def prepared(scenario: Scenario, latitude: float, duration: float, sway: str = "") -> Prepared:
+def prepared_case(scenario: Scenario, latitude: float, duration: float, sway: str = "") -> PreparedCase:
     """Prepare an alignment at a latitude (deg) over a duration (s)."""
     return prepare_hop(scenario, pad(latitude, duration, sway))

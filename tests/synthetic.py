@@ -86,7 +86,7 @@ def covariance(factor: float = 1.0, true_factor: float = 1.0) -> CovHistory:
     mean = growth * MEAN
     return CovHistory(
         t=t,
-        formal=formal,
+        formal_sigma=formal,
         true_sigma=true,
         mean=mean,
         sources=SOURCES,
@@ -98,7 +98,7 @@ def covariance(factor: float = 1.0, true_factor: float = 1.0) -> CovHistory:
         expected_nees=((true**2 + mean**2) / formal**2).sum(axis=1),
         expected_nis=np.full(N_EPOCH, 2.0 * N_SAT),
         false_rejection=np.zeros(N_EPOCH),
-        row_ratio=np.ones((N_EPOCH, 2 * N_SAT)),
+        expected_row_nis=np.ones((N_EPOCH, 2 * N_SAT)),
     )
 
 
@@ -117,8 +117,8 @@ def block(cov: CovHistory, first: int, n_run: int, seed: int = 1, failing: tuple
         first_run=first,
         t=cov.t,
         err=err,
-        sigma=np.repeat(cov.formal[None], n_run, axis=0),
-        nees=((err / cov.formal) ** 2).sum(axis=2),
+        sigma=np.repeat(cov.formal_sigma[None], n_run, axis=0),
+        nees=((err / cov.formal_sigma) ** 2).sum(axis=2),
         t_epoch=cov.t_epoch,
         nis=(inno**2).sum(axis=2),
         n_row=np.full((n_run, N_EPOCH), 2 * N_SAT, dtype=np.int32),
@@ -153,7 +153,7 @@ def truth_of(reference: Reference) -> dict[str, Any]:
     return {"reference": reference, "motion": motion, "record": SimpleNamespace(axes=axes)}
 
 
-def prepared(logic: bool = False) -> Any:
+def prepared_case(logic: bool = False) -> Any:
     """Return what the store reads of a prepared scenario: a climb due east, eight satellites, one outage."""
     t = np.arange(-5.0, 100.01, 0.1)
     height = 0.5 * 20.0 * np.maximum(t, 0.0) ** 2
@@ -184,7 +184,7 @@ def prepared(logic: bool = False) -> Any:
         ),
         trajectory=SimpleNamespace(
             events=EVENTS,
-            course=FlightProfile(EVENTS),
+            flight_profile=FlightProfile(EVENTS),
             epoch="2026-08-01T12:00:00Z",
             theta0=0.0,
             facts={"perigee_m": 2.0e5, "max_load_g": 4.2},
@@ -209,12 +209,12 @@ def prepared(logic: bool = False) -> Any:
             systems=("G",) * N_SAT,
             transitions=_transitions(names),
         ),
-        delays=_delays(elevation, tracked, height[np.searchsorted(t, t_epoch)]),
+        atmospheric_delays=_delays(elevation, tracked, height[np.searchsorted(t, t_epoch)]),
         t_epoch=t_epoch + np.where(t_epoch < 50.0, 0.1, 0.3),
         outputs=OUTPUTS,
         layout=SimpleNamespace(n_estimated=len(OUTPUTS)),
         model=SimpleNamespace(gate_squared=np.inf),
-        options=SimpleNamespace(rules=() if logic else None, integrity=() if logic else None, units=None),
+        options=SimpleNamespace(rules=() if logic else None, fault_tests=() if logic else None, imu_array=None),
         channel_names=tuple(f"{name} {what}" for name in names for what in ("range", "range rate")),
     )
 
@@ -321,17 +321,19 @@ def results(
         if logic:
             reported = reported._replace(decisions=decisions(0, 1))
         reported.false_rejection[50] = rejects
-        done = written.done(case.id)
+        done = written.block_spans(case.id)
         for first in range(0, n_run, size):
             count = min(size, n_run - first)
             if (first, count) not in done:
                 runs = block(drawn, first, count, failing=failing)
                 if logic:
                     runs = runs._replace(changes=changes(first, count), decisions=decisions(first, count))
-                written.write_part(case.id, summarise(runs, EVENTS, reported.true_sigma, OUTPUTS))
-        parts = written.parts(case.id) if n_run else None
+                written.write_block(case.id, summarise(runs, EVENTS, reported.true_sigma, OUTPUTS))
+        parts = written.block_summaries(case.id) if n_run else None
         drawn = starts(n_run) if n_run else None
-        written.write_case(case, prepared(logic), reported, parts, explanation(reported) if explained else None, drawn)
+        written.write_case(
+            case, prepared_case(logic), reported, parts, explanation(reported) if explained else None, drawn
+        )
 
     def trace(folder: Path) -> None:
         """Leave the worst runs over time, as a campaign does."""
@@ -341,7 +343,7 @@ def results(
         for case, runs in worst_runs(Tables(folder)).groupby("case").run_number:
             drawn = covariance({one.id: factor for one, factor in CASES}[case], wrong)
             again = (block(drawn, run, 1, failing=failing) for run in sorted(set(runs)))
-            written.write_traces(case, prepared(logic), again)
+            written.write_traces(case, prepared_case(logic), again)
 
     written.finish({"timings_s": {}, "cases": [case.id for case, _ in CASES]}, trace if n_run and traced else None)
     return folder

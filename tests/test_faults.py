@@ -165,7 +165,7 @@ def test_an_interrupted_campaign_says_so_and_goes_on(whole: Whole, tmp_path: Pat
     assert (found.code, found.last) == (130, "interrupted; the same command resumes")
     n = len(stored(folder))
     reported = status(folder)
-    assert (reported["state"], reported["stored"], reported["asked"]) == ("unfinished", 8 * n, RUNS)
+    assert (reported["state"], reported["stored_runs"], reported["required_runs"]) == ("unfinished", 8 * n, RUNS)
     assert 5 <= n < BLOCKS
     assert f"runs: {RUNS - 8 * n}\n" in assert_resumes(folder, whole).reported
 
@@ -252,8 +252,11 @@ def test_damaged_blocks_are_found_reported_and_flown_again(copy: Path, whole: Wh
     content[len(content) // 2] ^= 1
     flipped.write_bytes(content)
     reported = status(copy)
-    assert (reported["state"], reported["stored"]) == ("damaged", RUNS - 16)
-    assert [str(path) in line for path, line in zip((cut, flipped), reported["damaged"], strict=True)] == [True, True]
+    assert (reported["state"], reported["stored_runs"]) == ("damaged", RUNS - 16)
+    assert [str(path) in line for path, line in zip((cut, flipped), reported["damaged_files"], strict=True)] == [
+        True,
+        True,
+    ]
     again = assert_resumes(copy, whole).reported
     assert "runs: 16\n" in again
     for path in (cut, flipped):
@@ -268,7 +271,7 @@ def test_a_damaged_table_is_reported_and_made_again_from_the_blocks(copy: Path, 
     path.write_bytes(content)
     reported = status(copy)
     assert reported["state"] == "damaged"
-    assert [line.startswith(f"{path}: damaged: ") for line in reported["damaged"]] == [True]
+    assert [line.startswith(f"{path}: damaged: ") for line in reported["damaged_files"]] == [True]
     command = [sys.executable, "-m", "lvnav_trade", "report", str(copy)]
     refused = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     assert refused.returncode == 2
@@ -324,7 +327,7 @@ def test_a_diverging_filter_leaves_a_row_per_failed_run_and_the_command_that_fli
     lines = [line for line in found.said.splitlines() if line.startswith("failed: ")]
     assert len(lines) == len(failed)
     reported = status(folder)
-    assert (reported["state"], reported["failed"]) == ("finished", len(failed))
+    assert (reported["state"], reported["failed_runs"]) == ("finished", len(failed))
     command = lines[0].partition("; ")[2].split()
     assert command[:2] == ["lvnav-trade", "replay"]
     again = subprocess.run(

@@ -129,6 +129,6 @@ def tables() -> Tables:
         rows["events"] += [{"case": case, "event": name, "kind": "event", "t_s": t, "t_end_s": t} for name, t in events]
         for name, make in makers.items():
             rows[name] += make(case)
-    found = Tables.of({name: _table(name, some) for name, some in rows.items()})
+    found = Tables.from_arrow({name: _table(name, some) for name, some in rows.items()})
     found.__dict__["campaign"] = {"references": REFERENCES}
     return found

@@ -21,7 +21,7 @@ from lvnav_trade.api.figures import (
     panel,
     widen_covered,
 )
-from lvnav_trade.api.input import axes_of_errors, meant, quoted
+from lvnav_trade.api.input import error_axes, name_suggestion, quoted
 from lvnav_trade.api.measures import FRAMES, NAVIGATION, Tables, cases_of, evaluate_single, history_of, pick
 from lvnav_trade.api.pages import Block, FigureEntry, StudySection, Text, table, words
 
@@ -101,12 +101,12 @@ def interpretations_table(tables: Tables) -> list[Block]:
 
 def apart_faults(figure: FigureEntry, question: StudySection) -> Iterator[tuple[str, str]]:
     """Yield the axes of an entry that its campaign does not have."""
-    known = axes_of_errors(question.campaign)
+    known = error_axes(question.campaign)
     for quantity, axis in figure.settings.get("axes", {}).items():
         if quantity not in known:
-            yield "settings.axes", f"no quantity {quoted(quantity)}{meant(quantity, known)}"
+            yield "settings.axes", f"no quantity {quoted(quantity)}{name_suggestion(quantity, known)}"
         elif axis not in (*known[quantity], "3d"):
-            yield f"settings.axes.{quantity}", f"no axis {quoted(axis)}{meant(axis, known[quantity])}"
+            yield f"settings.axes.{quantity}", f"no axis {quoted(axis)}{name_suggestion(axis, known[quantity])}"
 
 
 def ignition(tables: Tables, case: str) -> Figure:

@@ -132,7 +132,7 @@ def missions_table(tables: Tables, real_missions: Sequence[Mapping[str, Any]]) -
 
 def noise_blocks(campaign: str, found: ProcessNoise, step: float) -> list[Block]:
     """Return the densities of an estimate over the whole flight and by phase, and the error per step; step: s."""
-    every = [("whole flight", found.whole), *((name, noise) for name, _, _, noise in found.phases)]
+    every = [("whole flight", found.flight_densities), *((name, noise) for name, _, _, noise in found.phases)]
     rows = [(words(name), math.degrees(noise.attitude) * 60.0, noise.velocity, noise.position) for name, noise in every]
     frame = pd.DataFrame(
         rows, columns=["phase", "attitude (deg/sqrt(h))", "velocity (m/s/sqrt(s))", "position (m/sqrt(s))"]

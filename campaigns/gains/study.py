@@ -26,7 +26,7 @@ def blocks(one: StudyResult, claims: Claims) -> list[Block]:
 
 def draw_missions(one: StudyResult, figure: FigureEntry) -> Figure | None:
     """Draw the real missions of a campaign among our flights."""
-    return missions(one.tables, STUDY.of(one.campaign.name).model_dump(mode="json")["missions"])
+    return missions(one.tables, STUDY.campaign_claims(one.campaign.name).model_dump(mode="json")["missions"])
 
 
 FIGURES = {

@@ -29,7 +29,7 @@ def main() -> None:
         for number in range(REALISATIONS):
             tracking = receiver.tracking.model_copy(update={"aiding": aiding, "realisation": number})
             card = receiver.model_copy(update={"tracking": tracking})
-            count = sky(scenario.constellation, card, flight, t, antenna_alive=alive).tracked.sum(axis=1)
+            count = sky(scenario.constellation, card, flight, t, antenna_alive=alive).is_tracked.sum(axis=1)
             back.append([t[(t >= END) & (count >= least)][0] - END for least in (4, 10)])
         four, ten = np.percentile(back, [5, 50, 95], axis=0).T.round().astype(int)
         print(f"aided by {aiding:6s} four satellites {four}, ten {ten}")

@@ -37,9 +37,9 @@ def squares(at: dict) -> tuple[np.ndarray, np.ndarray]:
     found: dict[str, list[float]] = {"position": [], "velocity": []}
     for case in dict.fromkeys(row.case for row in search.rows() if row.file == "pvt_sources"):
         values = json.dumps(search._values("pvt_sources", case, at))
-        prepared = search._noisy(search._prepared("pvt_sources", case, values), at)
-        end = prepared.trajectory.events["injection"]
-        t, err, names = search._errors(prepared, search._campaign("pvt_sources")[0].seed)
+        prepared_case = search._noisy(search._prepared("pvt_sources", case, values), at)
+        end = prepared_case.trajectory.events["injection"]
+        t, err, names = search._errors(prepared_case, search._campaign("pvt_sources")[0].seed)
         for row in search.rows():
             if (row.file, row.case) == ("pvt_sources", case):
                 ours = search._measured(row, t, err, names, end)
@@ -70,15 +70,15 @@ def whiteness() -> None:
     for label, case in labelled.items():
         if "EKF-GNSS" not in label or "faults=none" not in label or "realisation=0" not in label:
             continue
-        prepared = search.prepare(case.scenario, history=10.0)
-        block = search.run_block(prepared, campaign.seed, 0, search.RUNS)
-        t, events = prepared.t_epoch, prepared.trajectory.events
+        prepared_case = search.prepare(case.scenario, history=10.0)
+        block = search.run_block(prepared_case, campaign.seed, 0, search.RUNS)
+        t, events = prepared_case.t_epoch, prepared_case.trajectory.events
         counted = np.ones(t.size, dtype=bool)
         for name in JUMPS:
             counted &= ~((t >= events[name] - 1e-6) & (t < events[name] + AFTER))
         z = np.where(counted[None, :, None], block.innovation, np.nan)
         found: dict[str, list[tuple[float, str]]] = {}
-        for k, channel in enumerate(prepared.channel_names):
+        for k, channel in enumerate(prepared_case.channel_names):
             words = channel.split(" ")
             if words[0] != "receiver":
                 continue

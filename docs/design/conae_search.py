@@ -25,11 +25,11 @@ import numpy as np
 
 from lvnav_trade.campaign.definition.axes import cases
 from lvnav_trade.campaign.reading.load import load
-from lvnav_trade.campaign.search.point import changed
+from lvnav_trade.campaign.search.point import with_values
 from lvnav_trade.kernels.transition import ATT, POS, VEL
 from lvnav_trade.quantities.units import parse
 from lvnav_trade.simulation.montecarlo import run_block
-from lvnav_trade.simulation.preparation.prepare import Prepared, prepare
+from lvnav_trade.simulation.preparation.prepare import PreparedCase, prepare
 
 FOLDER = Path(__file__).resolve().parents[2] / "campaigns" / "conae"
 FILES = ("pvt_sources", "imu_temperature", "delay", "hil_like")
@@ -124,13 +124,13 @@ def _values(file: str, case: str, at: dict[str, Any]) -> dict[str, Any]:
 
 
 @lru_cache(maxsize=24)
-def _prepared(file: str, case: str, values: str) -> Prepared:
-    return prepare(changed(_campaign(file)[1][case].scenario, json.loads(values)), history=1.0)
+def _prepared(file: str, case: str, values: str) -> PreparedCase:
+    return prepare(with_values(_campaign(file)[1][case].scenario, json.loads(values)), history=1.0)
 
 
-def _noisy(prepared: Prepared, at: dict[str, Any]) -> Prepared:
+def _noisy(prepared_case: PreparedCase, at: dict[str, Any]) -> PreparedCase:
     """Return a case with the filter's process noise of a point: over a window densities times its length."""
-    layout, model = prepared.layout, prepared.model
+    layout, model = prepared_case.layout, prepared_case.model
     gyro = parse(f"{0.7 * at['white']} deg/h/sqrt(Hz)", "rad/s**0.5")
     accel = parse(f"{24.0 * at['white']} ug/sqrt(Hz)", "m/s**1.5")
     attitude = math.hypot(gyro, parse(f"{at['attitude_noise']} deg/sqrt(h)", "rad/s**0.5"))
@@ -147,7 +147,7 @@ def _noisy(prepared: Prepared, at: dict[str, Any]) -> Prepared:
     noise = model.noise.copy()
     for first, root in density.items():
         noise[:, first : first + 3] = model.seconds[:, None] * root**2
-    return prepared._replace(model=model._replace(noise=noise))
+    return prepared_case._replace(model=model._replace(noise=noise))
 
 
 @cache
@@ -156,9 +156,9 @@ def deviation(hour: int, channels: int, mask: int) -> dict[str, str]:
     at = PRINTED | {"hour": hour, "channels": channels, "mask": mask}
     campaign, labelled = _campaign("pvt_sources")
     values = _values("pvt_sources", "", at) | {"receiver.solution.reported": True}
-    prepared = prepare(changed(labelled["solution=Bancroft"].scenario, values), history=1.0)
-    t, err, names = _errors(prepared, campaign.seed)
-    flown = (t >= 0.0) & (t <= prepared.trajectory.events["injection"])
+    prepared_case = prepare(with_values(labelled["solution=Bancroft"].scenario, values), history=1.0)
+    t, err, names = _errors(prepared_case, campaign.seed)
+    flown = (t >= 0.0) & (t <= prepared_case.trajectory.events["injection"])
     found = {}
     for name, unit in (("position", "m"), ("velocity", "m/s")):
         columns = [i for i, (quantity, _) in enumerate(names) if quantity == f"solution_{name}"]
@@ -170,9 +170,9 @@ def deviation(hour: int, channels: int, mask: int) -> dict[str, str]:
 _DONE: dict[str, dict[str, float]] = {}
 
 
-def _errors(prepared: Prepared, seed: int) -> tuple[np.ndarray, np.ndarray, list[tuple[str, str]]]:
-    runs = run_block(prepared, seed, 0, RUNS)
-    return runs.t, runs.err, [(one.quantity, one.axis) for one in prepared.outputs]
+def _errors(prepared_case: PreparedCase, seed: int) -> tuple[np.ndarray, np.ndarray, list[tuple[str, str]]]:
+    runs = run_block(prepared_case, seed, 0, RUNS)
+    return runs.t, runs.err, [(one.quantity, one.axis) for one in prepared_case.outputs]
 
 
 def _measured(row: Row, t: np.ndarray, err: np.ndarray, names: list[tuple[str, str]], end: float) -> float:
@@ -198,12 +198,12 @@ def ours(at: dict[str, Any]) -> np.ndarray:
         values = json.dumps(_values(row.file, row.case, at))
         key = json.dumps([row.file, row.case, values, [at[name] for name in NOISE]])
         if key not in _DONE:
-            prepared = _noisy(_prepared(row.file, row.case, values), at)
-            end = prepared.trajectory.events["injection"]
-            t, err, names = _errors(prepared, campaign.seed)
+            prepared_case = _noisy(_prepared(row.file, row.case, values), at)
+            end = prepared_case.trajectory.events["injection"]
+            t, err, names = _errors(prepared_case, campaign.seed)
             mine = [one for one in rows() if (one.file, one.case) == (row.file, row.case)]
-            flown = (prepared.t_epoch >= 0.0) & (prepared.t_epoch <= end)
-            least = float(prepared.sky.tracked.sum(axis=1)[flown].min())
+            flown = (prepared_case.t_epoch >= 0.0) & (prepared_case.t_epoch <= end)
+            least = float(prepared_case.sky.is_tracked.sum(axis=1)[flown].min())
             _DONE[key] = {
                 f"{one.item} {one.metric}": least if "satellites" in one.metric else _measured(one, t, err, names, end)
                 for one in mine

@@ -19,7 +19,7 @@ from lvnav_trade.campaign.syntax.card_lookup import campaign_file
 from lvnav_trade.covariance.history import forward_tape
 from lvnav_trade.kernels import transition
 from lvnav_trade.kernels.covariance import predict, update_scalar
-from lvnav_trade.simulation.preparation.prepare import Prepared, prepare
+from lvnav_trade.simulation.preparation.prepare import PreparedCase, prepare
 
 Floats = np.ndarray[Any, Any]
 CASES = (
@@ -29,35 +29,35 @@ CASES = (
 )
 
 
-def prepared(imu: str, filter_: str, receiver: str = "receivers/l1_two_metre") -> Prepared:
+def prepared_case(imu: str, filter_: str, receiver: str = "receivers/l1_two_metre") -> PreparedCase:
     """Return the shipped ascent with an IMU and a filter."""
     sets = [f"base.imu={imu}", f"base.filter={filter_}", f"base.receiver={receiver}"]
     return prepare(load(campaign_file("campaigns/smoke.yaml"), sets).base)
 
 
-def _phi(one: Prepared, w: int, sums: Floats, position: Floats) -> Floats:
-    model, length = one.model, one.schedule.length[w]
+def _phi(one: PreparedCase, w: int, sums: Floats, position: Floats) -> Floats:
+    model, length_index = one.model, one.schedule.length_index[w]
     phi, blocks = np.eye(model.n_state), np.zeros((model.block_rows.size, 9))
-    transition.fill(blocks, model.block_kinds, model.block_drivers, sums, *position, model.seconds[length])
+    transition.fill(blocks, model.block_kinds, model.block_drivers, sums, *position, model.seconds[length_index])
     for b, (row, column) in enumerate(zip(model.block_rows, model.block_columns, strict=True)):
         factor = np.eye(model.n_state)
         factor[row : row + 3, column : column + 3] += blocks[b].reshape(3, 3)
         phi = factor @ phi
-    phi = phi * model.decay[length][None, :]
+    phi = phi * model.decay[length_index][None, :]
     if model.clock >= 0:
-        phi[model.clock] += model.seconds[length] * phi[model.clock + 1]
+        phi[model.clock] += model.seconds[length_index] * phi[model.clock + 1]
     return phi
 
 
-def sequence(one: Prepared) -> tuple[Floats, list[tuple[Floats, Floats, list[tuple[Floats, float]]]]]:
+def sequence(one: PreparedCase) -> tuple[Floats, list[tuple[Floats, Floats, list[tuple[Floats, float]]]]]:
     """Return P at the start, and for every window Phi, the variances of Q and the rows (h, R) at its end."""
     model, tape, schedule = one.model, forward_tape(one), one.schedule
     n = model.n_state
     steps = []
     for w in range(schedule.n_tick.size):
-        length = schedule.length[w]
+        length_index = schedule.length_index[w]
         phi = np.eye(n)
-        noise = model.noise[length] if schedule.n_tick[w] else np.zeros(n)
+        noise = model.noise[length_index] if schedule.n_tick[w] else np.zeros(n)
         if schedule.n_tick[w]:
             phi = _phi(one, w, tape.sums[w], tape.position[w])
         rows = []
@@ -68,7 +68,7 @@ def sequence(one: Prepared) -> tuple[Floats, list[tuple[Floats, Floats, list[tup
             ]
             rows.append((h, float(one.signals.variance[tape.epoch[k], channel])))
         steps.append((phi, noise, rows))
-    return one.start.P, steps
+    return one.initial_state.P, steps
 
 
 @njit
@@ -219,7 +219,7 @@ def cost(n: int) -> tuple[float, float, float, float, float]:
 def main() -> None:
     """Print what rounding leaves, and what each form costs."""
     for imu, filter_ in CASES:
-        start, steps = sequence(prepared(imu, filter_))
+        start, steps = sequence(prepared_case(imu, filter_))
         n_row = sum(len(rows) for _, _, rows in steps)
         exact, _ = replay(start, steps, "Joseph", np.longdouble)
         print(f"{imu}, {filter_}: {start.shape[0]} states, {len(steps)} windows, {n_row} rows")

@@ -9,7 +9,7 @@ import sys
 
 import numpy as np
 
-from lvnav_trade.gnss.broadcast import broadcast, integrated
+from lvnav_trade.gnss.broadcast import broadcast_ephemerides, integrated_states
 from lvnav_trade.gnss.rinex import Ephemeris, StateVector, read_navigation
 
 HOURS = (0.5, 1.0, 2.0, 4.0, 6.0)
@@ -17,7 +17,7 @@ HOURS = (0.5, 1.0, 2.0, 4.0, 6.0)
 
 def position(item: Ephemeris | StateVector, time: float) -> np.ndarray:
     """Return the position (3,) m of one record at a time (s of GPS time)."""
-    above = broadcast([item], time) if isinstance(item, Ephemeris) else integrated([item], time)
+    above = broadcast_ephemerides([item], time) if isinstance(item, Ephemeris) else integrated_states([item], time)
     return above.ecef(np.zeros(1))[0][0]
 
 

@@ -44,7 +44,7 @@ def rows() -> np.ndarray:
         drive = draw.standard_normal((2, 2, n_sat))
         slow = fade * slow + np.sqrt(1.0 - fade**2) * drive[0] * np.array([[SLOW], [SLOW_RATE]])
         errors = slow + drive[1] * np.array([[FAST], [FAST_RATE]])
-        on = seen.tracked[k]
+        on = seen.is_tracked[k]
         design = np.column_stack([-line[k, on], np.ones(np.count_nonzero(on))])
         solved = np.linalg.lstsq(design, errors[:, on].T)[0][:3]
         found[k] = [time, *solved[:, 0], *solved[:, 1]]

@@ -9,7 +9,7 @@ import numpy as np
 
 from lvnav_trade.campaign.reading.load import load
 from lvnav_trade.campaign.syntax.card_lookup import campaign_file
-from lvnav_trade.gnss.visibility import antenna, sky
+from lvnav_trade.gnss.visibility import antenna_motion, sky
 from lvnav_trade.kernels.clock import SPEED_OF_LIGHT, spectral_densities
 from lvnav_trade.kernels.earth import GM, J2, OMEGA, SEMI_MAJOR
 from lvnav_trade.quantities.frames import earth_angle, ecef_from_eci, geodetic_from_ecef
@@ -42,7 +42,7 @@ def main() -> None:
     trajectory = build(base.trajectory)
     t = np.arange(0.0, float(trajectory.events["injection"]), 1.0)
     seen = sky(base.constellation, base.receiver, trajectory, t)
-    r_i, v_i = antenna(trajectory, base.receiver, t)
+    r_i, v_i = antenna_motion(trajectory, base.receiver, t)
     height = geodetic_from_ecef(ecef_from_eci(r_i, earth_angle(trajectory.theta0, t)))[2]
 
     root = np.sqrt(GM * AXIS)
@@ -51,7 +51,7 @@ def main() -> None:
     left = 2.0 * ORBIT_ERROR * np.sqrt(GM / AXIS) / SPEED_OF_LIGHT
     print(f"corrected with an orbit wrong by {ORBIT_ERROR:g} m: {1e3 * left:.2f} mm")
 
-    delay = np.where(seen.tracked, shapiro(seen.r_i, r_i[:, None, :]), np.nan)
+    delay = np.where(seen.is_tracked, shapiro(seen.r_i, r_i[:, None, :]), np.nan)
     apart = np.nanmax(delay, axis=1) - np.nanmin(delay, axis=1)
     rate = np.nanmax(np.abs(np.diff(delay, axis=0)))
     print(f"gravitational delay: {1e3 * np.nanmin(delay):.1f} to {1e3 * np.nanmax(delay):.1f} mm;", end=" ")

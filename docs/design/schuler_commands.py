@@ -16,13 +16,20 @@ import numpy as np
 from lvnav_trade.campaign.definition.axes import cases
 from lvnav_trade.campaign.reading.load import load
 from lvnav_trade.quantities.records import Floats
-from lvnav_trade.simulation.guided_runs import in_inertial_axes
+from lvnav_trade.simulation.guided_runs import inertial_errors_of
 from lvnav_trade.simulation.montecarlo import run_block
 from lvnav_trade.simulation.preparation.prepare import prepare
 from lvnav_trade.trajectory.ascent.equations_of_motion import Propulsion
-from lvnav_trade.trajectory.guided.draws import deviations, vehicle_of
-from lvnav_trade.trajectory.guided.guidance_plan import GuidancePlan, plan_of, steering_times
-from lvnav_trade.trajectory.guided.guided_dynamics import PERFECT, WHOLE, Cutoff, NavigationErrors, commanded, fly_last
+from lvnav_trade.trajectory.guided.draws import deviations, run_vehicle
+from lvnav_trade.trajectory.guided.guidance_plan import GuidancePlan, plan_ascent, steering_times
+from lvnav_trade.trajectory.guided.guided_dynamics import (
+    PERFECT,
+    WHOLE,
+    Cutoff,
+    NavigationErrors,
+    commanded_direction,
+    fly_last,
+)
 from lvnav_trade.trajectory.guided.pilots import GuidedPilot
 
 CAMPAIGN = Path(__file__).resolve().parents[2] / "campaigns" / "drdc" / "schuler.yaml"
@@ -34,17 +41,17 @@ class Watched(GuidedPilot):
     """Flies the last burn pass by pass, and keeps time to the cut-off's nominal time and step of every pass."""
 
     def __init__(self, plan: GuidancePlan, navigation: NavigationErrors) -> None:
-        super().__init__(plan, vehicle_of(plan.card, {}), deviations(plan.card, {}), navigation)
+        super().__init__(plan, run_vehicle(plan.card, {}), deviations(plan.card, {}), navigation)
         self.steps: list[tuple[float, float]] = []
 
     def burn_until(self, end: float, push: Propulsion, cutoff: Cutoff) -> int:
         """Fly a piece of the last burn; see `GuidedPilot`."""
         why = WHOLE
         while self.t < end - 1e-9 and why == WHOLE:
-            begin, before = self.t, np.array(commanded(self.t, self.inputs))
+            begin, before = self.t, np.array(commanded_direction(self.t, self.inputs))
             until = min(begin + self.inputs.law.cycle, end)
             self.t, self.y, why = fly_last(begin, until, self.longest, self.y, push, self.inputs, cutoff)
-            after = np.array(commanded(begin, self.inputs))
+            after = np.array(commanded_direction(begin, self.inputs))
             self.steps.append((begin, float(np.linalg.norm(np.cross(before, after)))))
         return why
 
@@ -60,16 +67,16 @@ def main() -> None:
     """Print root mean square and largest step by each law, with the navigation of the campaign and a perfect one."""
     campaign = load(CAMPAIGN)
     for case in cases(campaign)[1:]:
-        prepared = prepare(case.scenario, history=1.0)
-        plan = plan_of(case.scenario.trajectory)
-        block = run_block(prepared, campaign.seed, 0, RUNS)
-        part = steering_times(plan, prepared.record.t)
+        prepared_case = prepare(case.scenario, history=1.0)
+        plan = plan_ascent(case.scenario.trajectory)
+        block = run_block(prepared_case, campaign.seed, 0, RUNS)
+        part = steering_times(plan, prepared_case.record.t)
         flown = [
-            steps(plan, NavigationErrors(prepared.record.t[part], error[part]))
-            for error in in_inertial_axes(prepared, block.err)
+            steps(plan, NavigationErrors(prepared_case.record.t[part], error[part]))
+            for error in inertial_errors_of(prepared_case, block.err)
         ]
         alone = steps(plan, PERFECT)
-        start = prepared.trajectory.events["stage3_ignition"] + plan.card.slew
+        start = prepared_case.trajectory.events["stage3_ignition"] + plan.card.slew
         for name, rows in (("navigated", np.concatenate(flown)), ("perfect", alone)):
             size = rows[rows[:, 0] > start, 1]
             rms, most = np.sqrt(np.mean(size**2)), size.max()

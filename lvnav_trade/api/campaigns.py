@@ -15,11 +15,11 @@ from lvnav_trade.campaign.definition.schema import Campaign
 from lvnav_trade.campaign.reading.load import load as load_campaign
 from lvnav_trade.campaign.running import execute, work
 from lvnav_trade.campaign.running.checking import TrajectoryCheck, check_effect, check_flight
-from lvnav_trade.campaign.running.conduct import Conduct, Mode, Scope
+from lvnav_trade.campaign.running.conduct import Mode, RunOptions, Scope
 from lvnav_trade.campaign.running.demonstrable import requirements_beyond_run_count
 from lvnav_trade.campaign.running.plan import estimate
-from lvnav_trade.campaign.running.progress import Progress, staged
-from lvnav_trade.campaign.space.design_plan import planned, refuse_too_large
+from lvnav_trade.campaign.running.progress import Progress, progress_stage
+from lvnav_trade.campaign.space.design_plan import estimate_designs, refuse_too_large
 from lvnav_trade.campaign.space.numbered_designs import DesignSpace
 from lvnav_trade.campaign.space.stage import SpaceEvaluation
 from lvnav_trade.campaign.syntax.tree import hint
@@ -52,16 +52,16 @@ def check(campaign: str | Path, sets: Sequence[str] = (), strict: bool = False) 
     InputError
         One line per input error, with file, line and column.
     """
-    loaded = load_campaign(campaign, sets)
-    remarks = _check_trajectories(loaded).remarks
-    check_effect(loaded.probe, probes(loaded), work.ENGINE)
-    not_demonstrable = requirements_beyond_run_count(loaded)
+    loaded_campaign = load_campaign(campaign, sets)
+    remarks = _check_trajectories(loaded_campaign).remarks
+    check_effect(loaded_campaign.probe, probes(loaded_campaign), work.ENGINE)
+    not_demonstrable = requirements_beyond_run_count(loaded_campaign)
     if strict:
         refuse_all(list(not_demonstrable))
     remark_lines = {name: tuple(lines) for name, lines in remarks.items()}
     remark_lines["warnings"] = (*remark_lines.get("warnings", ()), *map(str, not_demonstrable))
-    designs = len(DesignSpace(loaded)) if loaded.is_space else 0
-    return CheckedCampaign(loaded, tuple(probes(loaded)), designs=designs, **remark_lines)
+    designs = len(DesignSpace(loaded_campaign)) if loaded_campaign.is_space else 0
+    return CheckedCampaign(loaded_campaign, tuple(probes(loaded_campaign)), designs=designs, **remark_lines)
 
 
 def plan(
@@ -92,23 +92,23 @@ def plan(
     """
     import pandas as pd
 
-    loaded = load_campaign(campaign, sets)
-    flights = _check_trajectories(loaded).events
+    loaded_campaign = load_campaign(campaign, sets)
+    flights = _check_trajectories(loaded_campaign).events
     duration = {case: max(times.values()) - min(times.values()) for case, times in flights.items()}
-    not_demonstrable = requirements_beyond_run_count(loaded)
-    place = place_of(loaded, folder)
+    not_demonstrable = requirements_beyond_run_count(loaded_campaign)
+    place = results_folder(loaded_campaign, folder)
     if strict:
         refuse_all(list(not_demonstrable))
     warnings = tuple(map(str, not_demonstrable))
-    if loaded.is_space:
-        designs = planned(loaded, place, flights)
+    if loaded_campaign.is_space:
+        designs = estimate_designs(loaded_campaign, place, flights)
         empty = pd.DataFrame(columns=["id", "label", "runs", "done"])
         return Plan(empty, 0, designs.seconds, designs.disk_mb, designs.memory_mb, warnings, designs)
-    cost = estimate(loaded, place, duration)
+    cost = estimate(loaded_campaign, place, duration)
     return Plan(pd.DataFrame(cost.cases), cost.blocks, cost.seconds, cost.disk_mb, cost.memory_mb, warnings)
 
 
-def place_of(campaign: Campaign, folder: str | Path | None) -> Path:
+def results_folder(campaign: Campaign, folder: str | Path | None) -> Path:
     """Return the folder of the results of a campaign: `folder`, or ``results/NAME`` if it is None."""
     return Path("results", campaign.name) if folder is None else Path(folder)
 
@@ -237,20 +237,20 @@ def carry_out(campaign: Campaign, folder: str | Path | None, task: Task) -> Resu
     InputError, campaign.running.execute.Halted
         As `run`.
     """
-    place = place_of(campaign, folder)
+    place = results_folder(campaign, folder)
     _check_sections(campaign)
     if task.copy_to:
         remote.refuse_foreign_place(task.copy_to)
     if campaign.is_space:
-        refuse_too_large(planned(campaign, place, _check_trajectories(campaign).events), place)
+        refuse_too_large(estimate_designs(campaign, place, _check_trajectories(campaign).events), place)
     mode: Mode = "fresh" if task.fresh else "resume"
-    conduct = Conduct(task.jobs, mode, task.fail_fast, task.progress, task.on_answers)
+    options = RunOptions(task.jobs, mode, task.fail_fast, task.progress, task.on_answers)
     space = SpaceEvaluation(campaign) if campaign.is_space else None
-    execute.run(campaign, place, conduct, Scope(shards=task.shards, space=space))
+    execute.run(campaign, place, options, Scope(shards=task.shards, space=space))
     if task.report:
         from lvnav_trade.report import SECTIONS, build
 
-        with staged(task.progress, "report", len(campaign.report.sections or SECTIONS) + 1) as step:
+        with progress_stage(task.progress, "report", len(campaign.report.sections or SECTIONS) + 1) as step:
             build(place, step=step)
     else:
         from lvnav_trade.report import verdict_tables
@@ -271,7 +271,7 @@ def _check_sections(campaign: Campaign) -> None:
     for k, name in enumerate(campaign.report.sections):
         if name not in SECTIONS:
             message = f"no section {name!r}{hint(name, SECTIONS)}"
-            mistakes.append(campaign.written.mistake(f"report.sections.{k}", message))
+            mistakes.append(campaign.source_tree.mistake(f"report.sections.{k}", message))
     refuse_all(mistakes)
 
 
@@ -342,25 +342,25 @@ def replay(
 
     from lvnav_trade.campaign.running import replay as replaying
 
-    loaded, results = _campaign_and_results(source, sets)
-    _, found_case = case_of(loaded, (), case)
-    replayed = replaying.replay(loaded, found_case, run)
+    loaded_campaign, results = _campaign_and_results(source, sets)
+    _, found_case = case_of(loaded_campaign, (), case)
+    run_replay = replaying.replay(loaded_campaign, found_case, run)
     trace_folder = Path(folder) if folder is not None else results
-    trace = replaying.write_trace(replayed, trace_folder, found_case, run)
+    trace = replaying.write_trace(run_replay, trace_folder, found_case, run)
     rows = []
-    for event, t, sizes, units in replayed.at_events:
+    for event, t, sizes, units in run_replay.event_errors:
         for name, size in sizes.items():
             rows.append((event, t, name, size, units[name]))
     events = pd.DataFrame(rows, columns=["event", "t_s", "quantity", "error", "unit"])
-    return ReplayedRun(found_case.id, found_case.label, run, replayed.failure, events, replayed.trace, trace)
+    return ReplayedRun(found_case.id, found_case.label, run, run_replay.failure, events, run_replay.trace, trace)
 
 
 def _campaign_and_results(source: str | Path, sets: Sequence[str]) -> tuple[Campaign, Path]:
     """Return the campaign of a file or of a folder of results, and the folder of its results."""
     folder = Path(source)
     if not folder.is_dir():
-        loaded = load_campaign(source, sets)
-        return loaded, Path("results") / loaded.name
+        loaded_campaign = load_campaign(source, sets)
+        return loaded_campaign, Path("results") / loaded_campaign.name
     frozen = folder / RESOLVED
     if not frozen.is_file():
         raise InputError(f"{folder}: no results here (no {RESOLVED})")

@@ -9,12 +9,12 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from lvnav_trade.api.campaigns import Task, carry_out, place_of
+from lvnav_trade.api.campaigns import Task, carry_out, results_folder
 from lvnav_trade.api.results import Results
 from lvnav_trade.campaign.definition.schema import Campaign
 from lvnav_trade.campaign.reading.load import load
 from lvnav_trade.campaign.running import execute, pool, shards
-from lvnav_trade.campaign.running.conduct import Conduct, Mode, Scope
+from lvnav_trade.campaign.running.conduct import Mode, RunOptions, Scope
 from lvnav_trade.campaign.running.progress import Progress
 from lvnav_trade.campaign.space.stage import SpaceEvaluation
 from lvnav_trade.quantities.errors import InputError
@@ -78,15 +78,15 @@ def run_shard(
     InputError
         The campaign or the number of the shard has an input error.
     """
-    loaded = campaign if isinstance(campaign, Campaign) else load(campaign, sets)
+    loaded_campaign = campaign if isinstance(campaign, Campaign) else load(campaign, sets)
     number = shards.parse(shard)
-    place = place_of(loaded, folder) / number.folder
+    place = results_folder(loaded_campaign, folder) / number.folder
     mode: Mode = "fresh" if fresh else "resume"
-    space = SpaceEvaluation(loaded) if loaded.is_space else None
-    conduct = Conduct(jobs, mode, fail_fast, progress)
-    outcome = execute.run(loaded, place, conduct, Scope(shard=number, space=space))
+    space = SpaceEvaluation(loaded_campaign) if loaded_campaign.is_space else None
+    options = RunOptions(jobs, mode, fail_fast, progress)
+    outcome = execute.run(loaded_campaign, place, options, Scope(shard=number, space=space))
     if space is not None:
-        n_design = space.count(number.of(range(space.parts)))
+        n_design = space.count(number.select(range(space.item_count)))
         return ShardOutcome(place, 0, n_design, outcome.failures)
     n_run = 0
     for path in (place / "parts").glob("*/*.parquet"):
@@ -130,7 +130,7 @@ def merge(
     InputError
         A shard is missing, unfinished, or of another campaign or version of the code.
     """
-    folders = shards.complete(Path(place))
+    folders = shards.all_shard_folders(Path(place))
     campaign = load(folders[0] / RESOLVED)
     target = Path(folder) if folder is not None else Path(place) / "merged"
     task = Task(jobs, report=report, progress=progress, on_answers=on_answers, shards=folders)
@@ -177,10 +177,10 @@ def dask(folder: Path, scheduler: str | None = None, jobs: int = -1) -> Iterator
         yield from _use_cluster(client, folder)
 
 
-def _client(kind: Any, scheduler: str) -> Any:
+def _client(client_class: Any, scheduler: str) -> Any:
     """Return a client of a scheduler; InputError if the scheduler cannot be reached."""
     try:
-        return kind(scheduler, timeout=_CONNECT_S)
+        return client_class(scheduler, timeout=_CONNECT_S)
     except (OSError, ValueError, TimeoutError) as error:
         fault = _first_line(error)
     # The client of a failed attempt closes itself when it is garbage-collected, and closing waits for a lock that all
@@ -209,7 +209,7 @@ def _use_cluster(client: Any, folder: Path) -> Iterator[int]:
             raise InputError(
                 f"--scheduler {address}: worker {worker} has another code of lvnav-trade ({code}, {local_code})"
             )
-    with pool.on_dask(client):
+    with pool.dask_workers(client):
         yield len(threads)
 
 

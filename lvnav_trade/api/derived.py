@@ -59,10 +59,10 @@ def estimate_q(
     from lvnav_trade.campaign.syntax.card_lookup import write_card
     from lvnav_trade.report.escape import csv_text
     from lvnav_trade.report.figures.published import steps
-    from lvnav_trade.report.figures.raster import written
+    from lvnav_trade.report.figures.raster import figure_bytes
 
-    loaded, found_case = case_of(campaign, sets, case)
-    noise = process_noise(loaded, found_case, runs, step)
+    loaded_campaign, found_case = case_of(campaign, sets, case)
+    noise = process_noise(loaded_campaign, found_case, runs, step)
     card = Path(file)
     table = card.with_suffix(".csv")
     picture = card.with_suffix(".png")
@@ -70,7 +70,7 @@ def estimate_q(
     with writing(card, "its tables cannot be written there"):
         table.write_text(csv_text(noise.steps), encoding="utf-8")
         figure = steps(noise.steps, [phase[:3] for phase in noise.phases])
-        picture.write_bytes(written(figure, "png"))
+        picture.write_bytes(figure_bytes(figure, "png"))
     return EstimatedNoise(noise, card, (table, picture))
 
 
@@ -112,8 +112,8 @@ def schedule_gains(
     from lvnav_trade.campaign.derived_cards import gain_schedule
     from lvnav_trade.campaign.syntax.card_lookup import write_card
 
-    loaded, found_case = case_of(campaign, sets, case)
-    schedule = gain_schedule(loaded, found_case, by, tolerance)
+    loaded_campaign, found_case = case_of(campaign, sets, case)
+    schedule = gain_schedule(loaded_campaign, found_case, by, tolerance)
     write_card(Path(file), schedule)
     return schedule
 

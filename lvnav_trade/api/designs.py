@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from lvnav_trade.api.display import DisplayContent, Displayed
+from lvnav_trade.api.display import DisplayBase, DisplayContent
 from lvnav_trade.api.reports import load
 from lvnav_trade.quantities.errors import InputError, writing
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Designs(Displayed):
+class Designs(DisplayBase):
     """Designs of a campaign, one row each.
 
     Attributes
@@ -76,7 +76,7 @@ class Designs(Displayed):
             fields.append(field.with_metadata({"unit": unit, "meaning": meaning}))
         pq.write_table(table.cast(pa.schema(fields)), place)
 
-    def _shown(self) -> DisplayContent:
+    def _display_content(self) -> DisplayContent:
         return DisplayContent(
             title=f"{len(self.rows)} of {self.total} cases",
             tables={"": self.rows, "Columns": self.columns},
@@ -114,12 +114,12 @@ def cases(
     InputError
         The folder has no results, a column does not exist, or a text is not a condition.
     """
-    from lvnav_trade.api.selecting import chosen, column_named, ordered
+    from lvnav_trade.api.selecting import column_named, select_rows, sort_rows
     from lvnav_trade.results.evaluation.designs import meanings
 
     results = load(folder)
     all_rows = results.cases
-    rows = ordered(chosen(all_rows, where), sort)
+    rows = sort_rows(select_rows(all_rows, where), sort)
     if columns:
         rows = rows[[column_named(name, all_rows) for name in columns]]
     requirements = results.tables.campaign.get("requirements") or ()

@@ -26,25 +26,25 @@ class DisplayContent(NamedTuple):
     tables: Mapping[str, pd.DataFrame] = {}  # tables by caption, in their order
 
 
-class Displayed:
-    """Base of results that a notebook and `print` display; a subclass returns the content from `_shown`."""
+class DisplayBase:
+    """Base of results that a notebook and `print` display; a subclass returns the content from `_display_content`."""
 
-    def _shown(self) -> DisplayContent:
+    def _display_content(self) -> DisplayContent:
         raise NotImplementedError
 
     def _repr_html_(self) -> str:
-        return html_of(self._shown())
+        return html_of(self._display_content())
 
     def __str__(self) -> str:
-        return text_of(self._shown())
+        return text_of(self._display_content())
 
 
-def html_of(shown: DisplayContent) -> str:
+def html_of(content: DisplayContent) -> str:
     """Return the content as HTML.
 
     Parameters
     ----------
-    shown : DisplayContent
+    content : DisplayContent
         Content to display.
 
     Returns
@@ -53,10 +53,10 @@ def html_of(shown: DisplayContent) -> str:
         HTML. Texts are escaped, because names that a user chose may contain markup.
     """
     blocks: list[str] = []
-    if shown.title:
-        blocks.append(f"<h4>{html.escape(shown.title)}</h4>")
-    blocks += [f"<p>{html.escape(line)}</p>" for line in shown.lines]
-    for caption, frame in shown.tables.items():
+    if content.title:
+        blocks.append(f"<h4>{html.escape(content.title)}</h4>")
+    blocks += [f"<p>{html.escape(line)}</p>" for line in content.lines]
+    for caption, frame in content.tables.items():
         if caption:
             blocks.append(f"<p><b>{html.escape(caption)}</b></p>")
         blocks.append(frame.head(MOST_ROWS).to_html(index=False, border=0, na_rep="", float_format=_short))
@@ -65,12 +65,12 @@ def html_of(shown: DisplayContent) -> str:
     return "\n".join(blocks)
 
 
-def text_of(shown: DisplayContent) -> str:
+def text_of(content: DisplayContent) -> str:
     """Return the content as plain text.
 
     Parameters
     ----------
-    shown : DisplayContent
+    content : DisplayContent
         Content to display.
 
     Returns
@@ -78,8 +78,8 @@ def text_of(shown: DisplayContent) -> str:
     str
         Lines with the title, the paragraphs and the tables.
     """
-    blocks = [shown.title, *shown.lines]
-    for caption, frame in shown.tables.items():
+    blocks = [content.title, *content.lines]
+    for caption, frame in content.tables.items():
         blocks.append(caption)
         blocks.append(frame.head(MOST_ROWS).to_string(index=False, na_rep="", float_format=_short))
         if len(frame) > MOST_ROWS:
@@ -96,19 +96,21 @@ def _more_rows(frame: pd.DataFrame) -> str:
     return f"{len(frame) - MOST_ROWS} more rows"
 
 
-class CampaignStatus(status.Status, Displayed):
+class CampaignStatus(status.Status, DisplayBase):
     """Progress of a campaign: its state, the runs required, stored and failed, damaged files, lost work items."""
 
-    def _shown(self) -> DisplayContent:
+    def _display_content(self) -> DisplayContent:
         cases = pd.DataFrame([case._asdict() for case in self.cases])
-        counted = f"{self.stored} of {self.asked} runs are stored, {self.failed} failed"
-        return DisplayContent(f"{self.folder}: {self.state}", (counted, *self.damaged, *self.lost), {"Cases": cases})
+        count_text = f"{self.stored_runs} of {self.required_runs} runs are stored, {self.failed_runs} failed"
+        return DisplayContent(
+            f"{self.folder}: {self.state}", (count_text, *self.damaged_files, *self.lost_items), {"Cases": cases}
+        )
 
 
-class ExportedTrajectory(exporting.WrittenTrajectory, Displayed):
+class ExportedTrajectory(exporting.WrittenTrajectory, DisplayBase):
     """An exported trajectory: `file`, `card`, times (s) of its `events`, largest `difference` of the export (SI)."""
 
-    def _shown(self) -> DisplayContent:
+    def _display_content(self) -> DisplayContent:
         events = pd.DataFrame(list(self.events.items()), columns=["event", "t_s"])
         difference = pd.DataFrame(list(self.difference.items()), columns=["quantity", "difference_si"])
         return DisplayContent(
@@ -118,11 +120,11 @@ class ExportedTrajectory(exporting.WrittenTrajectory, Displayed):
         )
 
 
-class StartedCampaign(starting.FirstCampaign, Displayed):
+class StartedCampaign(starting.FirstCampaign, DisplayBase):
     """A first campaign: `campaign`, `card`, `guesses` with their reasons, `events`."""
 
-    def _shown(self) -> DisplayContent:
-        rows = [[guess.part, str(guess.content), guess.why] for guess in self.guesses]
+    def _display_content(self) -> DisplayContent:
+        rows = [[guess.field, str(guess.content), guess.reason] for guess in self.guesses]
         guesses = pd.DataFrame(rows, columns=["part", "guess", "why"])
         return DisplayContent(
             title="First campaign",
@@ -131,13 +133,13 @@ class StartedCampaign(starting.FirstCampaign, Displayed):
         )
 
 
-class FittedImu(unit_card.ImuFit, Displayed):
+class FittedImu(unit_card.ImuFit, DisplayBase):
     """Error model of an IMU from its log at rest.
 
     It has the `coefficients` with their intervals, the Allan deviations `curves` (SI), and the `text` of the card.
     """
 
-    def _shown(self) -> DisplayContent:
+    def _display_content(self) -> DisplayContent:
         return DisplayContent(
             title="IMU",
             lines=(f"{self.seconds:.0f} s at {self.rate:g} Hz",),
@@ -145,10 +147,10 @@ class FittedImu(unit_card.ImuFit, Displayed):
         )
 
 
-class ProcessedLog(recorded_log.FilteredLog, Displayed):
+class ProcessedLog(recorded_log.FilteredLog, DisplayBase):
     """A log processed by the filters of a campaign: `alignment`, `track`, `outages`, `summary`, `notes`."""
 
-    def _shown(self) -> DisplayContent:
+    def _display_content(self) -> DisplayContent:
         heading_deg = math.degrees(self.alignment.heading) % 360.0
         return DisplayContent(
             title=self.card.name,

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from lvnav_trade.api.selecting import case_of
 from lvnav_trade.campaign.definition.schema import Campaign
-from lvnav_trade.results.tables.contents import owned
+from lvnav_trade.results.tables.contents import owned_folder
 
 if TYPE_CHECKING:
     from lvnav_trade.export.filter_code import FilterCode
@@ -56,9 +56,9 @@ def export_vectors(
     """
     from lvnav_trade.export.vectors.vector_files import reference_vectors
 
-    target = owned(folder, "vectors")
-    loaded, found_case = case_of(campaign, sets, case)
-    vectors = reference_vectors(loaded, found_case, run, kind)
+    target = owned_folder(folder, "vectors")
+    loaded_campaign, found_case = case_of(campaign, sets, case)
+    vectors = reference_vectors(loaded_campaign, found_case, run, kind)
     target.publish("vectors", vectors.files)
     return vectors
 
@@ -103,8 +103,8 @@ def export_filter(
     """
     from lvnav_trade.export.filter_code import filter_code
 
-    target = owned(folder, "code")
-    loaded, found_case = case_of(campaign, sets, case)
-    code = filter_code(loaded, found_case, runs, progress)
+    target = owned_folder(folder, "code")
+    loaded_campaign, found_case = case_of(campaign, sets, case)
+    code = filter_code(loaded_campaign, found_case, runs, progress)
     target.publish("code", code.files)
     return code

@@ -75,11 +75,11 @@ def run_errors(campaign: Campaign, case: Case, run: int) -> pd.DataFrame:
     pandas.DataFrame
         Column t_s, then one column ``QUANTITY_AXIS`` for every error of the filter: SI, in the reporting frame.
     """
-    prepared = prepare(case.scenario, campaign.keep.history)
-    errors = run_block(prepared, campaign.seed, run, 1).err[0]
-    names = [f"{output.quantity}_{output.axis}" for output in prepared.outputs]
+    prepared_case = prepare(case.scenario, campaign.keep.history)
+    errors = run_block(prepared_case, campaign.seed, run, 1).err[0]
+    names = [f"{output.quantity}_{output.axis}" for output in prepared_case.outputs]
     table = pd.DataFrame(errors[:, : len(names)], columns=names)
-    table.insert(0, "t_s", prepared.t_hist)
+    table.insert(0, "t_s", prepared_case.t_hist)
     return table
 
 
@@ -100,13 +100,13 @@ def receiver_clock(campaign: Campaign, case: Case, run: int) -> pd.DataFrame:
     pandas.DataFrame
         Columns t_s (s), bias_m (clock bias times the speed of light, m) and drift_m_per_s (m/s).
     """
-    prepared = prepare(case.scenario, campaign.keep.history)
-    t = prepared.t_hist
+    prepared_case = prepare(case.scenario, campaign.keep.history)
+    t = prepared_case.t_hist
     # First epoch at or after each history time, up to rounding
-    epoch = np.searchsorted(prepared.t_epoch, t - _SAME_TIME)
-    epoch = np.minimum(epoch, prepared.t_epoch.size - 1)
-    is_at_epoch = np.abs(prepared.t_epoch[epoch] - t) < _SAME_TIME
-    clock = true_clock(prepared, campaign.seed, run)[epoch[is_at_epoch]]
+    epoch = np.searchsorted(prepared_case.t_epoch, t - _SAME_TIME)
+    epoch = np.minimum(epoch, prepared_case.t_epoch.size - 1)
+    is_at_epoch = np.abs(prepared_case.t_epoch[epoch] - t) < _SAME_TIME
+    clock = true_clock(prepared_case, campaign.seed, run)[epoch[is_at_epoch]]
     return pd.DataFrame(
         {
             "t_s": t[is_at_epoch],

@@ -22,8 +22,8 @@ from lvnav_trade.campaign.definition.published_cards import (
 )
 from lvnav_trade.campaign.definition.schema import Campaign
 from lvnav_trade.campaign.reading.checks import (
-    axes_of_errors,
-    meant,
+    error_axes,
+    name_suggestion,
     named_cases,
     pool_faults,
     pooled_levels,
@@ -55,11 +55,11 @@ __all__ = [
     "PublishedNumber",
     "PublishedStatement",
     "Share",
-    "axes_of_errors",
+    "error_axes",
     "expression",
     "hint",
-    "meant",
     "metric_of",
+    "name_suggestion",
     "named_cases",
     "parse",
     "pool_faults",
@@ -80,15 +80,15 @@ class InputFile(NamedTuple, Generic[_Model]):
     """A file that was read, with the places of its values.
 
     content : Its settings, an instance of the card's class.
-    written : Line and column of each setting in the file.
+    source_tree : Line and column of each setting in the file.
     """
 
     content: _Model
-    written: SourceTree
+    source_tree: SourceTree
 
     def mistake(self, path: str, message: str) -> Mistake:
         """Return an input error of the setting at a dotted path, with its line and column."""
-        return self.written.mistake(path, message)
+        return self.source_tree.mistake(path, message)
 
 
 def read_input(file: str | Path, model: type[_Model]) -> InputFile[_Model]:
@@ -113,6 +113,6 @@ def read_input(file: str | Path, model: type[_Model]) -> InputFile[_Model]:
     """
     root = tree.read_mapping(Path(file))
     try:
-        return InputFile(model.model_validate(tree.plain(root)), SourceTree(root))
+        return InputFile(model.model_validate(tree.plain_data(root)), SourceTree(root))
     except ValidationError as error:
         raise InputError(records=explain(error, root, model)) from None

@@ -49,15 +49,15 @@ def fit_unit(
     """
     from lvnav_trade.campaign import unit_card
     from lvnav_trade.campaign.syntax.card_lookup import write_text
-    from lvnav_trade.report.figures.raster import written
+    from lvnav_trade.report.figures.raster import figure_bytes
     from lvnav_trade.report.figures.vehicle_motion import allan_of_log
 
-    fitted = unit_card.fit_unit(str(log), start, end, shortest, longest, counted)
-    write_text(Path(card), fitted.text)
+    imu_fit = unit_card.fit_unit(str(log), start, end, shortest, longest, counted)
+    write_text(Path(card), imu_fit.text)
     if plot is not None:
         with writing(plot, "the figure cannot be written there"):
-            Path(plot).write_bytes(written(allan_of_log(fitted.curves), "png"))
-    return FittedImu(*fitted)
+            Path(plot).write_bytes(figure_bytes(allan_of_log(imu_fit.curves), "png"))
+    return FittedImu(*imu_fit)
 
 
 def process_log(
@@ -106,14 +106,14 @@ def process_log(
     from lvnav_trade.report.build import html_page, markdown_page, pictures
     from lvnav_trade.report.escape import csv_text
     from lvnav_trade.report.recorded import page
-    from lvnav_trade.results.tables.contents import owned
+    from lvnav_trade.results.tables.contents import owned_folder
 
-    target, loaded = owned(folder, "report"), load(campaign, sets)
-    processed = process(loaded, Path(log), OutagePlan(tuple(lengths), first, every))
-    content = page(processed, loaded)
-    tables = {"outages.csv": processed.outages, "summary.csv": processed.summary, "track.csv": processed.track}
+    target, loaded_campaign = owned_folder(folder, "report"), load(campaign, sets)
+    filtered_log = process(loaded_campaign, Path(log), OutagePlan(tuple(lengths), first, every))
+    content = page(filtered_log, loaded_campaign)
+    tables = {"outages.csv": filtered_log.outages, "summary.csv": filtered_log.summary, "track.csv": filtered_log.track}
     with writing(folder, "the page cannot be written there"):
         files = {name: csv_text(frame) for name, frame in tables.items()}
         pages = {"report.html": html_page(*content), "report.md": markdown_page(*content)}
         target.publish("report", {**files, **pages, **pictures(content[2])})
-    return ProcessedLog(*processed)
+    return ProcessedLog(*filtered_log)

@@ -3,7 +3,7 @@
 from lvnav_trade.api.studies import load_script, recount, renew
 from lvnav_trade.campaign.reading.study_card import CampaignFigure as FigureEntry
 from lvnav_trade.campaign.reading.study_card import StudyCampaign, StudySection
-from lvnav_trade.report.blocks import Block, Picture, Text, number, shown, table, words
+from lvnav_trade.report.blocks import Block, Picture, Text, formatted_columns, number, table, words
 from lvnav_trade.report.printed import short_cases
 from lvnav_trade.report.script import StudyFigure, StudyResult, StudyScript, published_rows
 
@@ -17,13 +17,13 @@ __all__ = [
     "StudyScript",
     "StudySection",
     "Text",
+    "formatted_columns",
     "load_script",
     "number",
     "published_rows",
     "recount",
     "renew",
     "short_cases",
-    "shown",
     "table",
     "words",
 ]

@@ -44,9 +44,9 @@ class Plot:
         matplotlib.figure.Figure
             The figure; pyplot does not manage it, so it needs no closing.
         """
-        from lvnav_trade.report.figures.raster import drawn
+        from lvnav_trade.report.figures.raster import matplotlib_figure
 
-        return drawn(self.figure)
+        return matplotlib_figure(self.figure)
 
     def save(self, file: str | Path) -> Path:
         """Write the figure as PNG or SVG.
@@ -76,9 +76,9 @@ class Plot:
 
     def _encode(self, file_format: str) -> bytes:
         """Return the content of a file of the figure."""
-        from lvnav_trade.report.figures.raster import written
+        from lvnav_trade.report.figures.raster import figure_bytes
 
-        return written(self.figure, file_format)
+        return figure_bytes(self.figure, file_format)
 
     def _repr_png_(self) -> bytes:
         return self._encode("png")
@@ -145,7 +145,7 @@ def _bind_tables(name: str, plot: Callable[..., Any], tables: Tables) -> Callabl
         bound = signature.bind(*args, **kwargs)
         bound.apply_defaults()
         if "case" in signature.parameters:
-            bound.arguments["case"] = case_named(tables, bound.arguments["case"])
+            bound.arguments["case"] = case_digest(tables, bound.arguments["case"])
         figure = plot(tables, *bound.args, **bound.kwargs)
         if figure is None:
             raise InputError(f"{name}: there is nothing to draw in these results")
@@ -165,14 +165,14 @@ def _set_default(parameter: inspect.Parameter) -> inspect.Parameter:
     return parameter.replace(kind=parameter.POSITIONAL_OR_KEYWORD)
 
 
-def case_named(tables: Tables, wanted: str | None) -> str:
+def case_digest(tables: Tables, case_text: str | None) -> str:
     """Return the digest of a case of results.
 
     Parameters
     ----------
     tables : Tables
         Tables of the results.
-    wanted : str or None
+    case_text : str or None
         Label, digest or first digits of a digest; the first case if None.
 
     Returns
@@ -186,13 +186,13 @@ def case_named(tables: Tables, wanted: str | None) -> str:
         The text fits no case, or several.
     """
     labels = tables.labels
-    if wanted is None:
+    if case_text is None:
         return next(iter(labels))
-    fitting = [case for case, label in labels.items() if label == wanted or case.startswith(wanted)]
-    if len(fitting) == 1:
-        return fitting[0]
-    if fitting:
-        raise InputError(f"{wanted!r} fits several cases, give more of one: {', '.join(fitting)}")
+    matching_cases = [case for case, label in labels.items() if label == case_text or case.startswith(case_text)]
+    if len(matching_cases) == 1:
+        return matching_cases[0]
+    if matching_cases:
+        raise InputError(f"{case_text!r} fits several cases, give more of one: {', '.join(matching_cases)}")
     raise InputError(
-        f"no case {wanted!r}{hint(wanted, list(labels.values()))}; the cases are {', '.join(labels.values())}"
+        f"no case {case_text!r}{hint(case_text, list(labels.values()))}; the cases are {', '.join(labels.values())}"
     )

@@ -72,14 +72,14 @@ def cards(folder: str = "") -> list[CardInfo]:
 
     catalogue = card_lookup.catalogue(Path.cwd())
     if not folder:
-        listed = list(catalogue)
+        selected_cards = list(catalogue)
     else:
         prefix = f"{folder.rstrip('/')}/"
-        listed = [card for card in catalogue if card.name.startswith(prefix)]
-    if not listed:
+        selected_cards = [card for card in catalogue if card.name.startswith(prefix)]
+    if not selected_cards:
         folders = sorted({card.name.partition("/")[0] for card in catalogue})
         raise InputError(f"cards: no folder {folder!r}{hint(folder, folders)}")
-    return listed
+    return selected_cards
 
 
 def card_text(name: str) -> str:
@@ -129,12 +129,12 @@ def metrics(name: str = "") -> MetricNames:
     from lvnav_trade.campaign.syntax.tree import hint
     from lvnav_trade.results.evaluation import METRICS
 
-    listed = [entry for entry in known_metrics() if name in entry.metric]
+    matching_metrics = [entry for entry in known_metrics() if name in entry.metric]
     tables = {}
     for table_name, table in METRICS.items():
         if name in table_name:
             tables[table_name] = (table.__doc__ or "").partition("\n")[0]
-    if not listed and not tables:
+    if not matching_metrics and not tables:
         names = [*(entry.metric for entry in known_metrics()), *METRICS]
         raise InputError(f"metrics: no metric contains {name!r}{hint(name, names)}")
-    return MetricNames(pd.DataFrame(listed, columns=["metric", "unit", "meaning", "named_by"]), tables)
+    return MetricNames(pd.DataFrame(matching_metrics, columns=["metric", "unit", "meaning", "named_by"]), tables)

@@ -10,7 +10,7 @@ from lvnav_trade.api.results import Results
 from lvnav_trade.api.types import Comparison, ReportFiles
 from lvnav_trade.quantities.errors import InputError
 from lvnav_trade.results.tables import remote
-from lvnav_trade.results.tables.contents import owned
+from lvnav_trade.results.tables.contents import owned_folder
 from lvnav_trade.results.tables.read import load as read
 
 
@@ -32,7 +32,7 @@ def load(folder: str | Path) -> Results:
     InputError
         The folder has no results, or the campaign has not finished.
     """
-    return Results(remote.fetched(str(folder)) if remote.is_remote(folder) else Path(folder))
+    return Results(remote.fetch_results(str(folder)) if remote.is_remote(folder) else Path(folder))
 
 
 def report(
@@ -74,11 +74,11 @@ def report(
     if not tables and keep is None:
         raise InputError("tables are left out of a kept report only: give its folder as `keep`")
     if keep is not None:
-        owned(keep, "report")  # refused before the report is built
+        owned_folder(keep, "report")  # refused before the report is built
     page = build(folder, figures=figures, brief=brief)
     kept_page = None
     if keep is not None:
-        kept_page = keep_report(folder, keep, tables=tables)
+        kept_page = keep_report(folder, keep, writes_tables=tables)
     return ReportFiles(page, kept_page)
 
 

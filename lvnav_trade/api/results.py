@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from lvnav_trade.api.display import DisplayContent, Displayed
+from lvnav_trade.api.display import DisplayBase, DisplayContent
 from lvnav_trade.api.plotting import Plots
 from lvnav_trade.api.table_names import Frames
 from lvnav_trade.quantities.errors import InputError
@@ -24,7 +24,7 @@ MET, VIOLATED, USAGE, UNDECIDED, FAILED, INTERNAL, INTERRUPTED = 0, 1, 2, 3, 4, 
 
 
 @dataclass(frozen=True)
-class Summary(Displayed):
+class Summary(DisplayBase):
     """Main results of a campaign.
 
     Attributes
@@ -59,8 +59,8 @@ class Summary(Displayed):
     failures: list[str]
     exit_code: int
 
-    def _shown(self) -> DisplayContent:
-        from lvnav_trade.results.requirements.requirements import in_words
+    def _display_content(self) -> DisplayContent:
+        from lvnav_trade.results.requirements.requirements import verdict_texts
 
         low, high = self.runs
         runs = f"{high}" if low == high else f"{low} to {high}"
@@ -72,13 +72,13 @@ class Summary(Displayed):
         ]
         tables = {}
         if len(self.requirements):
-            tables["Requirements"] = in_words(self.requirements)
+            tables["Requirements"] = verdict_texts(self.requirements)
         if len(self.ranking):
             tables["Errors at injection"] = self.ranking
         return DisplayContent(self.campaign, tuple(line for line in lines if line), tables)
 
 
-class Results(Frames, Displayed):
+class Results(Frames, DisplayBase):
     """A folder of results.
 
     The tables of `Frames` are attributes, such as ``results.runs`` and ``results.requirements``. A stored table
@@ -136,9 +136,9 @@ class Results(Frames, Displayed):
         from lvnav_trade.results.evaluation import METRICS
 
         if name not in METRICS:
-            present = {earlier: now for now, earlier in TABLES_OF_VERSION_2.items()}
-            renamed = f"; its name is {present[name]}" if name in present else ""
-            raise error(f"no table {name!r}{renamed or hint(name, [*TABLES, *METRICS])}")
+            new_names = {old_name: new_name for new_name, old_name in TABLES_OF_VERSION_2.items()}
+            rename_hint = f"; its name is {new_names[name]}" if name in new_names else ""
+            raise error(f"no table {name!r}{rename_hint or hint(name, [*TABLES, *METRICS])}")
         return with_units(METRICS[name](self.tables).copy(deep=False))
 
     def errors(self, quantity: str | None = None, axis: str = "3d", at: str = "injection") -> pd.DataFrame:
@@ -196,8 +196,8 @@ class Results(Frames, Displayed):
 
     __str__ = __repr__
 
-    def _shown(self) -> DisplayContent:
-        return self.summary()._shown()
+    def _display_content(self) -> DisplayContent:
+        return self.summary()._display_content()
 
     def summary(self) -> Summary:
         """Return the main results of the campaign; a notebook and `print` display them.
@@ -271,9 +271,9 @@ class Results(Frames, Displayed):
     def failures(self) -> list[str]:
         """One line per failed run, with the command that replays it, and per lost work item."""
         runs = self.tables.runs
-        failed = runs[runs.failure != ""].drop_duplicates(["case", "run_number"])
+        failed_runs = runs[runs.failure != ""].drop_duplicates(["case", "run_number"])
         lines: list[str] = [*self.tables.manifest.get("lost", [])]
-        for row in failed.itertuples(index=False):
+        for row in failed_runs.itertuples(index=False):
             run = f"{self.tables.labels[row.case]}, run {row.run_number} {row.failure} at {row.t_failed_s:g} s"
             lines.append(f"{run}; lvnav-trade replay {self.folder} {row.case} {row.run_number}")
         return lines

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from lvnav_trade.api.types import Sensitivity, Solution, Tuning
 from lvnav_trade.campaign.reading.load import load
 from lvnav_trade.quantities.errors import InputError
-from lvnav_trade.results.tables.contents import owned
+from lvnav_trade.results.tables.contents import owned_folder
 
 if TYPE_CHECKING:
     from lvnav_trade.campaign.definition.schema import Campaign
@@ -26,16 +26,16 @@ def _worker_count(jobs: int) -> int:
 
 
 def _campaign_and_folder(
-    campaign: str | Path, sets: Sequence[str], out: str | Path | None, search: str
+    campaign: str | Path, sets: Sequence[str], folder: str | Path | None, search: str
 ) -> tuple[Campaign, Path]:
     """Return a campaign and the folder of the search's report.
 
     A folder with other files raises an InputError here, before anything is computed.
     """
-    loaded = load(campaign, sets)
-    place = Path(out) if out is not None else Path("results") / f"{loaded.name}-{search}"
-    owned(place, "report")
-    return loaded, place
+    loaded_campaign = load(campaign, sets)
+    place = Path(folder) if folder is not None else Path("results") / f"{loaded_campaign.name}-{search}"
+    owned_folder(place, "report")
+    return loaded_campaign, place
 
 
 def _write_report(
@@ -103,15 +103,15 @@ def solve(
     """
     from lvnav_trade.campaign.search import solve as inverse
 
-    loaded, place = _campaign_and_folder(campaign, sets, folder, "solve")
-    problem = inverse.from_words(vary, log, meet, least) if vary or least else loaded.solve
+    loaded_campaign, place = _campaign_and_folder(campaign, sets, folder, "solve")
+    problem = inverse.parse_problem(vary, log, meet, least) if vary or least else loaded_campaign.solve
     if problem is None:
         raise InputError(
             f"{campaign}: asks no inverse question; give --vary PATH=LEAST:LARGEST, --least cost, or a block solve"
         )
     if problem.least is None:
-        return _largest_values(loaded, problem, place, jobs)
-    return _least_cases(loaded, problem, place, jobs)
+        return _largest_values(loaded_campaign, problem, place, jobs)
+    return _least_cases(loaded_campaign, problem, place, jobs)
 
 
 def _largest_values(campaign: Campaign, problem: Solve, place: Path, jobs: int) -> Solution:
@@ -119,11 +119,13 @@ def _largest_values(campaign: Campaign, problem: Solve, place: Path, jobs: int) 
     from lvnav_trade.campaign.search import solve as inverse
     from lvnav_trade.report import search as page
 
-    solved = inverse.solve(campaign, problem, _worker_count(jobs))
-    blocks = page.solved(solved.answers, solved.intervals, solved.scanned, solved.confirmed, solved.names)
+    solution = inverse.solve(campaign, problem, _worker_count(jobs))
+    blocks = page.solution_blocks(
+        solution.answers, solution.intervals, solution.scanned, solution.confirmed, solution.names
+    )
     frames = ("answers", "intervals", "scanned", "confirmed")
-    file = _write_report(campaign, place, blocks, solved, jobs, frames)
-    return Solution(solved.answers, solved.confirmed, solved.seconds, file)
+    file = _write_report(campaign, place, blocks, solution, jobs, frames)
+    return Solution(solution.answers, solution.confirmed, solution.seconds, file)
 
 
 def _least_cases(campaign: Campaign, problem: Solve, place: Path, jobs: int) -> Solution:
@@ -134,8 +136,8 @@ def _least_cases(campaign: Campaign, problem: Solve, place: Path, jobs: int) -> 
     from lvnav_trade.campaign.search import least as choice
     from lvnav_trade.report import search as page
 
-    choices = choice.least(campaign, problem, _worker_count(jobs))
-    blocks = page.chosen(choices.answers, choices.confirmed, choices.least)
+    choices = choice.least_total_case(campaign, problem, _worker_count(jobs))
+    blocks = page.least_case_blocks(choices.answers, choices.confirmed, choices.total_column)
     file = _write_report(campaign, place, blocks, choices, jobs, ("answers", "confirmed"))
     return Solution(choices.answers, choices.confirmed, choices.seconds, file)
 
@@ -169,25 +171,25 @@ def indices(
     from lvnav_trade.campaign.search import indices as sensitivity
     from lvnav_trade.report import search as page
 
-    loaded, place = _campaign_and_folder(campaign, sets, folder, "indices")
-    if loaded.indices is None:
+    loaded_campaign, place = _campaign_and_folder(campaign, sets, folder, "indices")
+    if loaded_campaign.indices is None:
         raise InputError(f"{campaign}: has no block indices; add one to compute sensitivity indices")
-    result = sensitivity.indices(loaded, loaded.indices, _worker_count(jobs))
-    blocks = page.indexed(
+    result = sensitivity.indices(loaded_campaign, loaded_campaign.indices, _worker_count(jobs))
+    blocks = page.sensitivity_blocks(
         result.indices,
         result.case,
         result.error,
-        result.covered,
-        result.predicted,
+        result.covered_share,
+        result.determination,
         result.samples,
         result.remark,
     )
-    file = _write_report(loaded, place, blocks, result, jobs, ("indices",))
+    file = _write_report(loaded_campaign, place, blocks, result, jobs, ("indices",))
     return Sensitivity(
         result.indices,
         result.case,
         result.error,
-        result.predicted,
+        result.determination,
         result.samples,
         result.remark,
         result.seconds,
@@ -223,13 +225,13 @@ def tune(campaign: str | Path, sets: Sequence[str] = (), folder: str | Path | No
     from lvnav_trade.campaign.syntax.tree import dump
     from lvnav_trade.report import search as page
 
-    loaded, place = _campaign_and_folder(campaign, sets, folder, "tune")
-    if loaded.tune is None:
+    loaded_campaign, place = _campaign_and_folder(campaign, sets, folder, "tune")
+    if loaded_campaign.tune is None:
         raise InputError(f"{campaign}: tunes no filter; give a block tune")
-    result = tuning.tune(loaded, loaded.tune, _worker_count(jobs))
+    result = tuning.tune(loaded_campaign, loaded_campaign.tune, _worker_count(jobs))
     card = dump(result.card.model_dump(mode="json", exclude_defaults=True))
-    blocks = page.tuned(result.values, result.cases, result.card.source)
-    report = _write_report(loaded, place, blocks, result, jobs, ("values", "cases"), {_FILTER_CARD: card})
+    blocks = page.tuning_blocks(result.values, result.cases, result.card.source)
+    report = _write_report(loaded_campaign, place, blocks, result, jobs, ("values", "cases"), {_FILTER_CARD: card})
     return Tuning(
         result.values,
         result.cases,

@@ -68,7 +68,7 @@ def _short_names(column: str) -> tuple[str, ...]:
     return name, name.removeprefix("axis_")
 
 
-def chosen(frame: pd.DataFrame, conditions: Sequence[str]) -> pd.DataFrame:
+def select_rows(frame: pd.DataFrame, conditions: Sequence[str]) -> pd.DataFrame:
     """Return the rows that satisfy every condition.
 
     Parameters
@@ -94,13 +94,13 @@ def chosen(frame: pd.DataFrame, conditions: Sequence[str]) -> pd.DataFrame:
             raise InputError(f"{quoted(condition)}: {len(condition)} characters; at most {_LENGTH}")
         expression = " ".join(_pandas_tokens(condition, frame))
         try:
-            is_chosen = frame.eval(expression, engine="python")
+            is_selected = frame.eval(expression, engine="python")
         except Exception as error:  # pandas raises whatever its parser meets
             reason = str(error).strip().partition("\n")[0]
             raise InputError(f"{quoted(condition)} is no condition such as 'velocity < 0.1 m/s' ({reason})") from None
-        if not isinstance(is_chosen, pd.Series) or is_chosen.dtype != bool:
+        if not isinstance(is_selected, pd.Series) or is_selected.dtype != bool:
             raise InputError(f"{quoted(condition)} compares nothing; write a condition such as 'velocity < 0.1 m/s'")
-        frame = frame[is_chosen]
+        frame = frame[is_selected]
     return frame.reset_index(drop=True)
 
 
@@ -123,8 +123,8 @@ def _pandas_tokens(condition: str, frame: pd.DataFrame) -> Iterator[str]:
                 continue
         token = _TOKEN.match(condition, position)
         if token is None:
-            rest = condition[position:].strip()
-            raise InputError(f"{quoted(condition)}: {quoted(rest)} has no meaning in a condition")
+            remaining_text = condition[position:].strip()
+            raise InputError(f"{quoted(condition)}: {quoted(remaining_text)} has no meaning in a condition")
         position = token.end()
         after_comparison = bool(token["comparison"])
         unit = _UNIT.match(condition, position) if token["number"] else None
@@ -156,14 +156,14 @@ def _si_number(text: str, column: str) -> float:
         raise InputError(f"{column}: {error}") from None
 
 
-def ordered(frame: pd.DataFrame, by: Sequence[str]) -> pd.DataFrame:
+def sort_rows(frame: pd.DataFrame, columns: Sequence[str]) -> pd.DataFrame:
     """Sort a table.
 
     Parameters
     ----------
     frame : pandas.DataFrame
         Table to sort.
-    by : sequence of str
+    columns : sequence of str
         Columns in order of priority, smallest value first; a leading ``-`` puts the largest value first.
 
     Returns
@@ -176,7 +176,7 @@ def ordered(frame: pd.DataFrame, by: Sequence[str]) -> pd.DataFrame:
     InputError
         A name fits no column, or several.
     """
-    for name in reversed(by):
+    for name in reversed(columns):
         column = column_named(name.removeprefix("-"), frame)
         frame = frame.sort_values(column, ascending=not name.startswith("-"), kind="stable")
     return frame.reset_index(drop=True)
@@ -207,13 +207,13 @@ def case_of(campaign: str | Path | Campaign, sets: Sequence[str], case: str | No
     InputError
         The campaign has an input error, or the text fits no case or several.
     """
-    loaded = campaign if isinstance(campaign, Campaign) else load_campaign(campaign, sets)
-    if loaded.is_space:
-        return loaded, _find_design(DesignSpace(loaded), case)
-    all_cases = cases(loaded)
+    loaded_campaign = campaign if isinstance(campaign, Campaign) else load_campaign(campaign, sets)
+    if loaded_campaign.is_space:
+        return loaded_campaign, _find_design(DesignSpace(loaded_campaign), case)
+    all_cases = cases(loaded_campaign)
     if case:
-        return loaded, find(all_cases, case)
-    return loaded, all_cases[0]
+        return loaded_campaign, find(all_cases, case)
+    return loaded_campaign, all_cases[0]
 
 
 def _find_design(designs: DesignSpace, name: str | None) -> Case:

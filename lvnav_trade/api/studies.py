@@ -12,10 +12,10 @@ from lvnav_trade.api.campaigns import Task, carry_out, flight_events
 from lvnav_trade.api.results import Results
 from lvnav_trade.api.types import Study
 from lvnav_trade.campaign.running.progress import Progress
-from lvnav_trade.campaign.syntax.card_lookup import shipped
+from lvnav_trade.campaign.syntax.card_lookup import tool_folder
 from lvnav_trade.campaign.syntax.tree import hint
 from lvnav_trade.quantities.errors import InputError, refuse_all
-from lvnav_trade.results.tables.contents import owned
+from lvnav_trade.results.tables.contents import owned_folder
 
 if TYPE_CHECKING:
     from lvnav_trade.campaign.definition.schema import Campaign
@@ -77,7 +77,7 @@ def study(
     """
     from lvnav_trade.report.study import build
 
-    owned(keep, "study")  # refused before anything is computed
+    owned_folder(keep, "study")  # refused before anything is computed
     script, description, questions = _load_study(folder, runs)
     place = _results_folder(results, description, script)
     not_run: list[Campaign] = []
@@ -87,9 +87,9 @@ def study(
     else:
         task = Task(jobs, fresh, report=False)
     to_run = [question for question in questions if question.campaign not in not_run]
-    answered, failures = _run_sections(to_run, place, task, watch or StudyWatch(), script)
-    report = build(description, answered, Path(keep), not_run, script)
-    return _study_outcome(report, answered, failures, script)
+    study_results, failures = _run_sections(to_run, place, task, watch or StudyWatch(), script)
+    report = build(description, study_results, Path(keep), not_run, script)
+    return _study_outcome(report, study_results, failures, script)
 
 
 def recount(folder: str | Path | StudyScript, keep: str | Path) -> Path:
@@ -164,9 +164,9 @@ def renew(
     place = _results_folder(results, description, script)
     to_run = [question for question in questions if question.campaign.name in campaigns]
     task = Task(jobs, fresh, report=False)
-    answered, failures = _run_sections(to_run, place, task, watch or StudyWatch(), script)
-    report = rewrite(description, [question.campaign for question in questions], keep, script, answered)
-    return _study_outcome(report, answered, failures, script)
+    study_results, failures = _run_sections(to_run, place, task, watch or StudyWatch(), script)
+    report = rewrite(description, [question.campaign for question in questions], keep, script, study_results)
+    return _study_outcome(report, study_results, failures, script)
 
 
 def _load_study(
@@ -190,11 +190,13 @@ def _results_folder(results: str | Path | None, description: StudyCard, script: 
     return Path("results") / (description.name or script.folder.name)
 
 
-def _study_outcome(report: Path, answered: Sequence[StudyResult], failures: list[str], script: StudyScript) -> Study:
+def _study_outcome(
+    report: Path, study_results: Sequence[StudyResult], failures: list[str], script: StudyScript
+) -> Study:
     """Return the report of a study with the numbers of published and of reproduced values."""
-    counts = {answer.campaign.name: _count_reproduced(answer, script) for answer in answered}
-    n_published = sum(published for published, _ in counts.values())
-    n_reproduced = sum(reproduced for _, reproduced in counts.values())
+    counts = {result.campaign.name: _count_reproduced(result, script) for result in study_results}
+    n_published = sum(published_count for published_count, _ in counts.values())
+    n_reproduced = sum(reproduced_count for _, reproduced_count in counts.values())
     return Study(report, counts, n_published, n_reproduced, failures)
 
 
@@ -223,7 +225,7 @@ def script_of(folder: str | Path) -> StudyScript:
     file = place / SCRIPT
     if not file.is_file():
         return StudyScript(place)
-    if not place.resolve().is_relative_to(shipped("campaigns").resolve()):
+    if not place.resolve().is_relative_to(tool_folder("campaigns").resolve()):
         raise InputError(
             f"{file}: a script of your own is not run by the name of its folder; run it: python {file} --keep FOLDER"
         )
@@ -279,14 +281,14 @@ def _run_sections(
     """Return every campaign with its results, and the failed runs of all campaigns."""
     from lvnav_trade.report.script import StudyResult
 
-    answered: list[StudyResult] = []
+    study_results: list[StudyResult] = []
     failures: list[str] = []
     for question in questions:
         campaign = question.campaign
         results = _campaign_results(campaign, place / campaign.name, task, watch, script)
-        answered.append(StudyResult(question.part, campaign, results.tables))
+        study_results.append(StudyResult(question.study_campaign, campaign, results.tables))
         failures += results.failures
-    return answered, failures
+    return study_results, failures
 
 
 def _campaign_results(
@@ -303,7 +305,7 @@ def _campaign_results(
     return results
 
 
-def _count_reproduced(answered: StudyResult, script: StudyScript) -> tuple[int, int]:
+def _count_reproduced(result: StudyResult, script: StudyScript) -> tuple[int, int]:
     """Return the number of published values that are evidence, and how many of them the results reproduce.
 
     A value that an input of the campaign determines is no evidence and is not counted.
@@ -311,10 +313,10 @@ def _count_reproduced(answered: StudyResult, script: StudyScript) -> tuple[int, 
     import pandas as pd
 
     from lvnav_trade.report.script import published_rows
-    from lvnav_trade.results.evaluation.published import COLUMNS, evidence, reproduced
+    from lvnav_trade.results.evaluation.published import COLUMNS, is_evidence, is_reproduced
 
-    name = answered.campaign.name
-    settings = answered.campaign.model_dump(mode="json")
-    rows = pd.DataFrame(published_rows(name, answered.tables, settings, script), columns=COLUMNS)
-    rows = rows[evidence(rows)]
-    return len(rows), int(reproduced(rows).sum())
+    name = result.campaign.name
+    settings = result.campaign.model_dump(mode="json")
+    rows = pd.DataFrame(published_rows(name, result.tables, settings, script), columns=COLUMNS)
+    rows = rows[is_evidence(rows)]
+    return len(rows), int(is_reproduced(rows).sum())

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import pandas as pd
 
-from lvnav_trade.api.display import DisplayContent, Displayed
+from lvnav_trade.api.display import DisplayBase, DisplayContent
 from lvnav_trade.results.comparison import comparison
 
 if TYPE_CHECKING:
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class CheckedCampaign(Displayed):
+class CheckedCampaign(DisplayBase):
     """A valid campaign.
 
     Attributes
@@ -51,14 +51,14 @@ class CheckedCampaign(Displayed):
         remarks = {name: list(getattr(self, name)) for name in ("beyond_limits", "warnings", "notes")}
         return {name: lines for name, lines in remarks.items() if lines}
 
-    def _shown(self) -> DisplayContent:
-        lines = [line for kind in self.remarks.values() for line in kind]
+    def _display_content(self) -> DisplayContent:
+        lines = [line for remarks in self.remarks.values() for line in remarks]
         cases = pd.DataFrame([{"case": case.id, "label": case.label} for case in self.cases])
         return DisplayContent(f"{self.campaign.name}: valid", tuple(lines), {"Cases": cases})
 
 
 @dataclass(frozen=True)
-class Plan(Displayed):
+class Plan(DisplayBase):
     """Estimated cost of a campaign, and its progress.
 
     Attributes
@@ -89,17 +89,17 @@ class Plan(Displayed):
     @property
     def cost(self) -> str:
         """Time, disk and memory in one line."""
-        most = self.disk_mb if self.designs is None else self.designs.most_mb
-        meanwhile = f" ({most:.0f} MB meanwhile)" if most > 1.1 * self.disk_mb else ""
-        cost = f"{self.disk_mb:.0f} MB of disk{meanwhile}, {self.memory_mb:.0f} MB a job"
+        peak_disk_mb = self.disk_mb if self.designs is None else self.designs.most_mb
+        peak_text = f" ({peak_disk_mb:.0f} MB meanwhile)" if peak_disk_mb > 1.1 * self.disk_mb else ""
+        cost = f"{self.disk_mb:.0f} MB of disk{peak_text}, {self.memory_mb:.0f} MB a job"
         return f"about {self.seconds:.0f} s of one core once compiled, {cost}"
 
-    def _shown(self) -> DisplayContent:
+    def _display_content(self) -> DisplayContent:
         return DisplayContent("", (*self.warnings, self.cost), {"Cases": self.cases})
 
 
 @dataclass(frozen=True)
-class SelfCheck(Displayed):
+class SelfCheck(DisplayBase):
     """Checks of the configuration of every case.
 
     Attributes
@@ -112,7 +112,7 @@ class SelfCheck(Displayed):
 
     def count(self, verdict: str) -> int:
         """Return the number of checks with a verdict: passed, failed or not checked."""
-        return sum(checked.check.verdict == verdict for checked in self.checks)
+        return sum(combined_check.check.verdict == verdict for combined_check in self.checks)
 
     @property
     def passed(self) -> bool:
@@ -122,21 +122,27 @@ class SelfCheck(Displayed):
     @property
     def frame(self) -> pd.DataFrame:
         """One row per check: case, check, of, figure, allowed, verdict, where."""
-        n_cases = len({label for checked in self.checks for label in checked.cases})
+        n_cases = len({label for combined_check in self.checks for label in combined_check.cases})
         rows = [
-            ["all" if len(cases) == n_cases else "; ".join(cases), check.kind, check.what, *check.words, check.where]
+            [
+                "all" if len(cases) == n_cases else "; ".join(cases),
+                check.check_type,
+                check.quantity,
+                *check.cell_texts,
+                check.remark,
+            ]
             for check, cases in self.checks
         ]
         return pd.DataFrame(rows, columns=["case", "check", "of", "figure", "allowed", "verdict", "where"])
 
-    def _shown(self) -> DisplayContent:
+    def _display_content(self) -> DisplayContent:
         counts = {verdict: self.count(verdict) for verdict in ("passed", "failed", "not checked")}
         summary = ", ".join(f"{count} {verdict}" for verdict, count in counts.items() if count)
         return DisplayContent("Self-check", (summary,), {"": self.frame})
 
 
 @dataclass(frozen=True)
-class ReplayedRun(Displayed):
+class ReplayedRun(DisplayBase):
     """A replayed run.
 
     Attributes
@@ -163,15 +169,17 @@ class ReplayedRun(Displayed):
     history: pd.DataFrame
     trace: Path
 
-    def _shown(self) -> DisplayContent:
-        failed = f": {self.failure}" if self.failure else ""
-        return DisplayContent(f"{self.label}, run {self.run}{failed}", (f"trace: {self.trace}",), {"": self.events})
+    def _display_content(self) -> DisplayContent:
+        failure_text = f": {self.failure}" if self.failure else ""
+        return DisplayContent(
+            f"{self.label}, run {self.run}{failure_text}", (f"trace: {self.trace}",), {"": self.events}
+        )
 
 
-class Comparison(comparison.ResultComparison, Displayed):
+class Comparison(comparison.ResultComparison, DisplayBase):
     """Comparison of two result sets: `frame` (one row per case and metric), `notes`, `confidence`, `verdict`."""
 
-    def _shown(self) -> DisplayContent:
+    def _display_content(self) -> DisplayContent:
         return DisplayContent(f"The candidate is {self.verdict}", self.notes, {"": self.frame})
 
 
@@ -192,7 +200,7 @@ class ReportFiles:
 
 
 @dataclass(frozen=True)
-class EstimatedNoise(Displayed):
+class EstimatedNoise(DisplayBase):
     """Process noise estimated from runs.
 
     Attributes
@@ -212,10 +220,13 @@ class EstimatedNoise(Displayed):
     @property
     def densities(self) -> pd.DataFrame:
         """Root spectral densities, SI: phase, attitude, velocity, position; the whole flight first."""
-        phases = {"whole flight": self.noise.whole, **{name: densities for name, _, _, densities in self.noise.phases}}
+        phases = {
+            "whole flight": self.noise.flight_densities,
+            **{name: densities for name, _, _, densities in self.noise.phases},
+        }
         return pd.DataFrame([{"phase": name, **densities._asdict()} for name, densities in phases.items()])
 
-    def _shown(self) -> DisplayContent:
+    def _display_content(self) -> DisplayContent:
         return DisplayContent("Process noise", (f"card: {self.card}",), {"Densities, SI": self.densities})
 
 
@@ -244,7 +255,7 @@ class Study:
 
 
 @dataclass(frozen=True)
-class Solution(Displayed):
+class Solution(DisplayBase):
     """Solution of an inverse problem.
 
     Attributes
@@ -264,13 +275,13 @@ class Solution(Displayed):
     seconds: float
     page: Path
 
-    def _shown(self) -> DisplayContent:
+    def _display_content(self) -> DisplayContent:
         tables = {"": self.answers} | ({"Confirmed by runs": self.confirmed} if len(self.confirmed) else {})
         return DisplayContent("Solution", (f"{self.seconds:.0f} s; report: {self.page}",), tables)
 
 
 @dataclass(frozen=True)
-class Sensitivity(Displayed):
+class Sensitivity(DisplayBase):
     """Global sensitivity to the sigmas of error sources.
 
     Attributes
@@ -300,13 +311,13 @@ class Sensitivity(Displayed):
     seconds: float
     page: Path
 
-    def _shown(self) -> DisplayContent:
+    def _display_content(self) -> DisplayContent:
         lines = (f"{self.samples} designs, {self.seconds:.0f} s; report: {self.page}", self.remark)
         return DisplayContent(f"{self.error}, {self.case}", tuple(line for line in lines if line), {"": self.indices})
 
 
 @dataclass(frozen=True)
-class Tuning(Displayed):
+class Tuning(DisplayBase):
     """A tuned filter.
 
     Attributes
@@ -335,13 +346,13 @@ class Tuning(Displayed):
     seconds: float
     page: Path
 
-    def _shown(self) -> DisplayContent:
-        line = f"{self.evaluations} looks, {self.seconds:.0f} s; report: {self.page}"
+    def _display_content(self) -> DisplayContent:
+        line = f"{self.evaluations} evaluations, {self.seconds:.0f} s; report: {self.page}"
         return DisplayContent("Tuning", (line, f"card: {self.file}"), {"Values": self.values, "Cases": self.cases})
 
 
 @dataclass(frozen=True)
-class MetricNames(Displayed):
+class MetricNames(DisplayBase):
     """Metrics that a campaign can name, and tables that are computed from results.
 
     Attributes
@@ -355,6 +366,6 @@ class MetricNames(Displayed):
     metrics: pd.DataFrame
     tables: Mapping[str, str]
 
-    def _shown(self) -> DisplayContent:
+    def _display_content(self) -> DisplayContent:
         tables = pd.DataFrame(list(self.tables.items()), columns=["table", "content"])
         return DisplayContent("", (), {"Metrics": self.metrics, "Tables": tables})

@@ -9,27 +9,27 @@ import pandas as pd
 
 from lvnav_trade.campaign.definition.axes import Case
 from lvnav_trade.campaign.definition.schema import Campaign
-from lvnav_trade.covariance.diagnostics.case_diagnostics import flown_events
+from lvnav_trade.covariance.diagnostics.case_diagnostics import flight_events
 from lvnav_trade.covariance.diagnostics.ensemble import Densities, StepErrors, densities, step_errors
 from lvnav_trade.covariance.history import forward_tape
 from lvnav_trade.filter.card import FilterCard
-from lvnav_trade.filter.policies.stored_gains import GainHistory, GainSchedule, schedule_of
+from lvnav_trade.filter.policies.stored_gains import GainHistory, GainSchedule, build_gain_schedule
 from lvnav_trade.kernels.transition import ATT, POS, VEL
 from lvnav_trade.quantities.errors import InputError
 from lvnav_trade.quantities.per_axis import rms
 from lvnav_trade.quantities.state_layout import state_names
 from lvnav_trade.scenario.filter_models import filter_models, has_covariance
-from lvnav_trade.simulation.preparation.prepare import Prepared, prepare
+from lvnav_trade.simulation.preparation.prepare import PreparedCase, prepare
 from lvnav_trade.trajectory.flight import identity
 
-_SHORTEST = 5.0  # s; a shorter phase is merged with the next
+_SHORTEST_PHASE = 5.0  # s; a shorter phase is merged with the next
 _LEAST_RUNS = 10
 
 
 class ProcessNoise(NamedTuple):
     """Process noise of a case, estimated from an ensemble of runs."""
 
-    whole: Densities  # root spectral densities of the whole flight, SI
+    flight_densities: Densities  # root spectral densities of the whole flight, SI
     phases: tuple[tuple[str, float, float, Densities], ...]  # by phase: name, start and end (s), densities
     steps: pd.DataFrame  # error per step over the flight, see `steps_table`
     card: FilterCard  # filter card with the estimated noise
@@ -69,33 +69,33 @@ def process_noise(campaign: Campaign, case: Case, runs: int, step: float | None 
     length = 1.0 / case.scenario.filter.update_rate if step is None else step
     if not length > 0.0:
         raise InputError(f"a step of {length:g} s; give one above zero")
-    prepared = prepare(case.scenario, history=length)
-    errors = step_errors(prepared, campaign.seed, runs)
+    prepared_case = prepare(case.scenario, history=length)
+    errors = step_errors(prepared_case, campaign.seed, runs)
     phases = []
-    for (first, start), (second, end) in pairwise(_phase_boundaries(prepared)):
-        phases.append((f"{first} to {second}", start, end, densities(errors, prepared, start, end)))
-    of_flight = densities(errors, prepared)
+    for (first, start), (second, end) in pairwise(_phase_boundaries(prepared_case)):
+        phases.append((f"{first} to {second}", start, end, densities(errors, prepared_case, start, end)))
+    flight_densities = densities(errors, prepared_case)
     case_text = f", {case.label}" if case.axes else ""
     source = f"estimate-q of {campaign.name}{case_text}: {runs} runs, steps of {length:g} s"
     return ProcessNoise(
-        whole=of_flight,
+        flight_densities=flight_densities,
         phases=tuple(phases),
         steps=steps_table(errors),
-        card=_filter_card(case, of_flight, source),
+        card=_filter_card(case, flight_densities, source),
     )
 
 
-def _phase_boundaries(prepared: Prepared) -> list[tuple[str, float]]:
+def _phase_boundaries(prepared_case: PreparedCase) -> list[tuple[str, float]]:
     """Return the boundaries of the phases, name and time (s), from the start of the flight to its end."""
-    first_time = float(prepared.t_hist[0])
-    last_time = float(prepared.t_hist[-1])
+    first_time = float(prepared_case.t_hist[0])
+    last_time = float(prepared_case.t_hist[-1])
     boundaries = [("start", first_time)]
-    previous = first_time
-    for name, t in sorted(flown_events(prepared).items(), key=lambda item: item[1]):
-        if t - previous >= _SHORTEST:
+    previous_time = first_time
+    for name, t in sorted(flight_events(prepared_case).items(), key=lambda item: item[1]):
+        if t - previous_time >= _SHORTEST_PHASE:
             boundaries.append((name, t))
-            previous = t
-    if last_time - previous >= _SHORTEST:
+            previous_time = t
+    if last_time - previous_time >= _SHORTEST_PHASE:
         boundaries.append(("end", last_time))
     return boundaries
 
@@ -151,7 +151,9 @@ def steps_table(errors: StepErrors) -> pd.DataFrame:
     return pd.DataFrame(table)
 
 
-def gain_schedule(campaign: Campaign, case: Case, by: Literal["event", "time"], tolerance: float) -> GainSchedule:
+def gain_schedule(
+    campaign: Campaign, case: Case, time_origin: Literal["event", "time"], tolerance: float
+) -> GainSchedule:
     """Return the Kalman gains of a case's filter on its nominal flight, computed by linear covariance.
 
     Parameters
@@ -160,7 +162,7 @@ def gain_schedule(campaign: Campaign, case: Case, by: Literal["event", "time"], 
         The campaign.
     case : Case
         One of its cases.
-    by : {"event", "time"}
+    time_origin : {"event", "time"}
         Origin of the stored times: the last event, or lift-off.
     tolerance : float
         Largest interpolation error between knots, as a fraction of the largest magnitude of each gain in the segment.
@@ -182,39 +184,39 @@ def gain_schedule(campaign: Campaign, case: Case, by: Literal["event", "time"], 
         )
     if not 0.0 < tolerance < 1.0:
         raise InputError(f"a tolerance of {tolerance:g}; give one between 0 and 1")
-    prepared = prepare(case.scenario, history=campaign.keep.history)
-    nominal = _gain_history(prepared)
-    if not nominal.t.size:
+    prepared_case = prepare(case.scenario, history=campaign.keep.history)
+    nominal_gains = _gain_history(prepared_case)
+    if not nominal_gains.t.size:
         raise InputError(f"case {case.label}: the filter uses no measurement on this trajectory")
     case_text = f", {case.label}" if case.axes else ""
     trajectory = case.scenario.trajectory
-    schedule = schedule_of(
-        f"Gains of {case.scenario.filter.name}, {trajectory.name}, by {by}",
+    schedule = build_gain_schedule(
+        f"Gains of {case.scenario.filter.name}, {trajectory.name}, by {time_origin}",
         f"schedule-gains of {campaign.name}{case_text}: nominal flight, linear to {tolerance:g} between knots",
-        by,
-        nominal,
-        flown_events(prepared),
+        time_origin,
+        nominal_gains,
+        flight_events(prepared_case),
         tolerance,
     )
     return schedule.model_copy(update={"flight": trajectory.name, "flight_digest": identity(trajectory)})
 
 
-def _gain_history(prepared: Prepared) -> GainHistory:
+def _gain_history(prepared_case: PreparedCase) -> GainHistory:
     """Return the Kalman gains of linear covariance at the epochs with a measurement update."""
-    tape = forward_tape(prepared)
-    n_state = prepared.layout.n_state
-    n_epoch = prepared.t_epoch.size
-    n_update = int(tape.used[0])  # the arrays of the tape are longer
+    tape = forward_tape(prepared_case)
+    n_state = prepared_case.layout.n_state
+    n_epoch = prepared_case.t_epoch.size
+    n_update = int(tape.n_recorded[0])  # the arrays of the tape are longer
     epoch, channel = tape.epoch[:n_update], tape.channel[:n_update]
-    names = prepared.channels.names
+    names = prepared_case.channels.names
     gains = np.zeros((n_epoch, len(names), n_state))
     gains[epoch, channel] = tape.gain[:n_update, :n_state]
     is_updated = np.zeros(n_epoch, dtype=np.bool_)
     is_updated[epoch] = True
     channels_used = np.unique(channel)
     return GainHistory(
-        states=state_names(prepared.layout),
+        states=state_names(prepared_case.layout),
         measurements=[names[k] for k in channels_used],
-        t=prepared.t_epoch[is_updated],
+        t=prepared_case.t_epoch[is_updated],
         gains=gains[is_updated][:, channels_used],
     )

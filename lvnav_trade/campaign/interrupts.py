@@ -11,11 +11,11 @@ from contextlib import contextmanager
 from types import FrameType
 from typing import NoReturn
 
-_requested = threading.Event()
+_interrupt_event = threading.Event()
 
 
 @contextmanager
-def remembering_interrupts() -> Iterator[None]:
+def interrupt_handlers() -> Iterator[None]:
     """Make SIGINT and SIGTERM raise KeyboardInterrupt and store the request within the context. Main thread only.
 
     SIGINT is not changed if it is ignored (``nohup``) or the caller has installed a handler.
@@ -26,11 +26,11 @@ def remembering_interrupts() -> Iterator[None]:
     try:
         yield
     finally:
-        _requested.clear()
+        _interrupt_event.clear()
 
 
 def _raise(_number: int, _frame: FrameType | None) -> NoReturn:
-    _requested.set()
+    _interrupt_event.set()
     raise KeyboardInterrupt
 
 
@@ -45,5 +45,5 @@ def raise_if_interrupted(error: BaseException | None = None) -> None:
             break
         causes.append(cause)
         cause = cause.__cause__ or cause.__context__
-    if is_interrupt or _requested.is_set():
+    if is_interrupt or _interrupt_event.is_set():
         raise KeyboardInterrupt from error

@@ -19,12 +19,12 @@ from lvnav_trade.quantities.errors import InputError
 from lvnav_trade.quantities.frames import earth_angle, ecef_from_eci, geodetic_from_ecef
 from lvnav_trade.quantities.records import Floats
 from lvnav_trade.simulation.montecarlo import run_block
-from lvnav_trade.simulation.preparation.prepare import Prepared
+from lvnav_trade.simulation.preparation.prepare import PreparedCase
 from lvnav_trade.simulation.recorded.alignment import Alignment, align
-from lvnav_trade.simulation.recorded.log_consistency import consistent
+from lvnav_trade.simulation.recorded.log_consistency import remove_wild_solutions
 from lvnav_trade.simulation.recorded.navigation_log import NavigationLog, read_recording
 from lvnav_trade.simulation.recorded.outages import Outage, outage
-from lvnav_trade.simulation.recorded.recorded_flight import refuse_unable, replayed
+from lvnav_trade.simulation.recorded.recorded_flight import log_replay, refuse_unable
 
 _MOTION = slice(VEL, VEL + 6)  # outputs of velocity and position
 
@@ -34,7 +34,7 @@ class OutagePlan(NamedTuple):
 
     lengths: tuple[float, ...] = (15.0, 60.0)  # durations, s
     first: float = 20.0  # begin of the first outage, s after the rest
-    every: float = 5.0  # from the begin of an outage to the begin of the next, s
+    interval: float = 5.0  # from the begin of an outage to the begin of the next, s
 
 
 class FilteredLog(NamedTuple):
@@ -63,7 +63,7 @@ def read_card(file: Path) -> NavigationLog:
     """
     root = tree.read_mapping(file)
     try:
-        return NavigationLog.model_validate(tree.plain(root))
+        return NavigationLog.model_validate(tree.plain_data(root))
     except ValidationError as error:
         raise InputError(records=explain(error, root, NavigationLog, "")) from None
 
@@ -100,23 +100,23 @@ def process(campaign: Campaign, file: Path, plan: OutagePlan) -> FilteredLog:
             refuse_unable(case.scenario, card)
     # the lever arm of the first case: the log is of one vehicle, so all cases should have the same antenna
     lever_b = np.array(all_cases[0].scenario.receiver.lever_b)
-    log = consistent(read_recording(card, file.parent), card, lever_b)
+    log = remove_wild_solutions(read_recording(card, file.parent), card, lever_b)
     alignment = align(log, card)
     tracks, outage_rows, notes = [], [], list(log.notes)
     for case in all_cases:
         with _label_errors(case):
-            prepared, remarks = replayed(case.scenario, log, card, alignment)
-        track, failure = _track(case, prepared)
+            prepared_case, remarks = log_replay(case.scenario, log, card, alignment)
+        track, failure = _track(case, prepared_case)
         tracks.append(track)
         notes += [f"{case.label}: {note}" for note in (*remarks, *failure)]
-        outage_rows += [_outage_row(case, length, result) for length, result in _outages(prepared, plan)]
+        outage_rows += [_outage_row(case, length, result) for length, result in _outages(prepared_case, plan)]
     if not outage_rows:
         lengths = " or ".join(f"{length:g}" for length in plan.lengths)
         raise InputError(
             f"{file}: no outage of {lengths} s fits between {plan.first:g} s after the rest and the end of the log"
         )
     outages = pd.DataFrame(outage_rows, columns=list(_COLUMNS))
-    summary = summarised(outages)
+    summary = outage_summary(outages)
     notes += failures(summary)
     return FilteredLog(
         card=card,
@@ -131,11 +131,13 @@ def process(campaign: Campaign, file: Path, plan: OutagePlan) -> FilteredLog:
 def failures(summary: pd.DataFrame) -> Iterator[str]:
     """Yield a note for each case and duration with failed outages."""
     for row in summary[summary.failed > 0].itertuples():
-        remaining = row.outages - row.failed
-        basis = f"NEES, RMS and worst are of the other {remaining}" if remaining else "there is no NEES, RMS or worst"
+        success_count = row.outages - row.failed
+        basis_text = "there is no NEES, RMS or worst"
+        if success_count:
+            basis_text = f"NEES, RMS and worst are of the other {success_count}"
         yield (
             f"{row.case}, {row.length_s:g} s: {row.failed} of {row.outages} outages fail (the estimate is not finite, "
-            f"or beyond the case's limit); {basis}"
+            f"or beyond the case's limit); {basis_text}"
         )
 
 
@@ -148,20 +150,20 @@ def _label_errors(case: Case) -> Iterator[None]:
         raise InputError(f"{case.label}: {error}") from None
 
 
-def _outages(prepared: Prepared, plan: OutagePlan) -> list[tuple[float, Outage]]:
+def _outages(prepared_case: PreparedCase, plan: OutagePlan) -> list[tuple[float, Outage]]:
     """Return the outages of a replayed case, each with its nominal duration (s).
 
     Parameters
     ----------
-    prepared : Prepared
+    prepared_case : PreparedCase
         The replayed case.
     plan : OutagePlan
         Outages to simulate.
     """
     results = []
     for length in plan.lengths:
-        for begin in np.arange(plan.first, prepared.t_epoch[-1] - length, plan.every).tolist():
-            result = outage(prepared, begin, length)
+        for begin in np.arange(plan.first, prepared_case.t_epoch[-1] - length, plan.interval).tolist():
+            result = outage(prepared_case, begin, length)
             if result is not None:
                 results.append((length, result))
     return results
@@ -196,7 +198,7 @@ def _outage_row(case: Case, length: float, result: Outage) -> dict[str, Any]:
     """
 
     def norm(vector: Floats) -> float:
-        return math.nan if result.failed else float(np.linalg.norm(vector))
+        return math.nan if result.has_failed else float(np.linalg.norm(vector))
 
     three_sigma = 3.0 * result.sigma
     return {
@@ -209,12 +211,12 @@ def _outage_row(case: Case, length: float, result: Outage) -> dict[str, Any]:
         "velocity_error_m_per_s": norm(result.error[:3]),
         "velocity_3sigma_m_per_s": norm(three_sigma[:3]),
         "nees_ratio": result.square,
-        "inside": result.inside,
-        "failed": result.failed,
+        "inside": result.is_inside,
+        "failed": result.has_failed,
     }
 
 
-def summarised(rows: pd.DataFrame) -> pd.DataFrame:
+def outage_summary(rows: pd.DataFrame) -> pd.DataFrame:
     """Return the statistics of the outages by case and duration.
 
     Parameters
@@ -247,14 +249,14 @@ def _rms(values: "pd.Series[float]") -> float:
     return float(np.sqrt(mean_square))
 
 
-def _track(case: Case, prepared: Prepared) -> tuple[pd.DataFrame, tuple[str, ...]]:
+def _track(case: Case, prepared_case: PreparedCase) -> tuple[pd.DataFrame, tuple[str, ...]]:
     """Return the estimate over time with all solutions in use, and a note if the filter fails.
 
     Parameters
     ----------
     case : Case
         The case.
-    prepared : Prepared
+    prepared_case : PreparedCase
         The replayed case.
 
     Returns
@@ -262,19 +264,19 @@ def _track(case: Case, prepared: Prepared) -> tuple[pd.DataFrame, tuple[str, ...
     pandas.DataFrame, tuple of str
         Geodetic position (deg and m), errors with respect to the receiver's solutions, and sigmas; notes.
     """
-    run = run_block(prepared, 0, 0, 1)
+    run = run_block(prepared_case, 0, 0, 1)
     error = run.err[0]
     sigma = run.sigma[0]
-    motion_outputs = list(enumerate(prepared.outputs[: _MOTION.stop]))[_MOTION]
+    motion_outputs = list(enumerate(prepared_case.outputs[: _MOTION.stop]))[_MOTION]
     position = [k for k, output in motion_outputs if output.quantity == "position"]
     # estimate = recorded position - error, as an error is truth minus estimate; rows of `axes`: the reporting axes
-    record = prepared.record
+    record = prepared_case.record
     error_i = np.einsum("nji,nj->ni", record.axes, error[:, position])
-    theta = earth_angle(prepared.trajectory.theta0, prepared.t_hist)
+    theta = earth_angle(prepared_case.trajectory.theta0, prepared_case.t_hist)
     estimate_i = record.r - error_i
     estimate_e = ecef_from_eci(estimate_i, theta)
     latitude, longitude, height = geodetic_from_ecef(estimate_e)
-    track = pd.DataFrame({"case": case.label, "t_s": prepared.t_hist})
+    track = pd.DataFrame({"case": case.label, "t_s": prepared_case.t_hist})
     track["latitude_deg"] = np.degrees(latitude)
     track["longitude_deg"] = np.degrees(longitude)
     track["height_m"] = height

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from textwrap import wrap
 from typing import Any
 
-_NARROWEST = 30  # characters of a last column that is wrapped
+_NARROWEST_COLUMN = 30  # characters of a last column that is wrapped
 
 
 def table(header: Sequence[str], rows: Sequence[Sequence[Any]], width: int | None = None) -> str:
@@ -28,7 +28,7 @@ def table(header: Sequence[str], rows: Sequence[Sequence[Any]], width: int | Non
     if width is not None:
         lines = _wrap_last_column(lines, width)
     widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
-    return "\n".join(_aligned(line, widths) for line in lines)
+    return "\n".join(_line_text(line, widths) for line in lines)
 
 
 def frame_table(frame: Any) -> str:
@@ -36,7 +36,7 @@ def frame_table(frame: Any) -> str:
     return table(list(frame.columns), list(frame.itertuples(index=False)))
 
 
-def _aligned(line: Sequence[str], widths: Sequence[int]) -> str:
+def _line_text(line: Sequence[str], widths: Sequence[int]) -> str:
     cells = [cell.ljust(width) for cell, width in zip(line, widths, strict=True)]
     return "  ".join(cells).rstrip()
 
@@ -44,16 +44,17 @@ def _aligned(line: Sequence[str], widths: Sequence[int]) -> str:
 def _wrap_last_column(lines: Sequence[list[str]], width: int) -> list[list[str]]:
     """Return a table whose last column is wrapped so that a line has at most `width` characters, where possible."""
     *first_columns, _ = zip(*lines, strict=True)
-    occupied = sum(max(map(len, column)) + 2 for column in first_columns)
-    room = max(width - occupied, _NARROWEST)
-    wrapped = []
+    first_columns_width = sum(max(map(len, column)) + 2 for column in first_columns)
+    last_column_width = max(width - first_columns_width, _NARROWEST_COLUMN)
+    wrapped_lines = []
     for line in lines:
-        first_piece, *further_pieces = wrap(line[-1], room, break_long_words=False, break_on_hyphens=False) or [""]
-        wrapped.append([*line[:-1], first_piece])
+        pieces = wrap(line[-1], last_column_width, break_long_words=False, break_on_hyphens=False)
+        first_piece, *further_pieces = pieces or [""]
+        wrapped_lines.append([*line[:-1], first_piece])
         blank_cells = [""] * (len(line) - 1)
         for piece in further_pieces:
-            wrapped.append([*blank_cells, piece])
-    return wrapped
+            wrapped_lines.append([*blank_cells, piece])
+    return wrapped_lines
 
 
 def _cell(value: Any) -> str:

@@ -50,7 +50,7 @@ def fit_unit(
     end: float | None = None,
     shortest: float = 0.0,
     longest: float = math.inf,
-    counted: bool = False,
+    ignore_time_stamps: bool = False,
 ) -> ImuFit:
     """Fit the error model of an IMU to its log at rest, by Allan variance.
 
@@ -62,8 +62,8 @@ def fit_unit(
         Begin and end of the evaluated part, s after the first row.
     shortest, longest : float
         Smallest and largest averaging time of the fit (s).
-    counted : bool
-        The time stamps scatter: count rows and ignore the stamps.
+    ignore_time_stamps : bool
+        Whether rows are numbered and their time stamps ignored, because the stamps scatter.
 
     Returns
     -------
@@ -77,7 +77,7 @@ def fit_unit(
     """
     first = 0.0 if start is None else start
     last = math.inf if end is None else end
-    log = read_log(file, start=first, end=last, counted=counted)
+    log = read_log(file, start=first, end=last, counts_rows=ignore_time_stamps)
     n = log.t.size
     factors = ladder(n, log.dt, shortest, longest)
     fewest_times = len(NAMES) + 2
@@ -141,7 +141,7 @@ def _card(file: str, log: ImuLog, fits: dict[str, list[AxisFit]]) -> str:
     lines = [
         f"{MARK} fit-unit {Path(file).name}; comments: intervals of 95 %, of x, y and z.",
         "# A log at rest shows no bias repeatability, scale factor, misalignment or g-sensitivity: add them.",
-        f"name: {_quoted(name)}",
+        f"name: {_yaml_string(name)}",
         "source: >-",
         f"  Allan variance of the log {Path(file).name}, {log.t.size} samples at {1.0 / log.dt:.6g} Hz,"
         f" {log.t.size * log.dt:.6g} s; averaging times {tau[0]:.4g} to {tau[-1]:.4g} s",
@@ -174,7 +174,7 @@ def _sensor_lines(sensor: str, axes: list[AxisFit], tau: Floats) -> list[str]:
     for name in NAMES:
         body += _coefficient_lines(sensor, name, [axis.coefficients[name] for axis in axes])
     instabilities = [axis.coefficients["bias_instability"] for axis in axes]
-    if any(instability.shown for instability in instabilities):
+    if any(instability.is_significant for instability in instabilities):
         body.append(_floors(sensor, instabilities))
         body.append(f"  instability_fit: {_processes(tau)}")
     has_values = any(not line.lstrip().startswith("#") for line in body)
@@ -182,7 +182,7 @@ def _sensor_lines(sensor: str, axes: list[AxisFit], tau: Floats) -> list[str]:
     return [heading, *body]
 
 
-def _quoted(name: str) -> str:
+def _yaml_string(name: str) -> str:
     return '"' + name.replace("\\", "\\\\").replace('"', '\\"') + '"'
 
 
@@ -223,16 +223,16 @@ def _coefficient_lines(sensor: str, name: str, axes: list[Coefficient]) -> list[
     factor = units.parse(f"1 {unit}", si)
     intervals = []
     for axis in axes:
-        if axis.shown:
+        if axis.is_significant:
             intervals.append(f"{axis.low / factor:.4g} to {axis.high / factor:.4g}")
         else:
             intervals.append(f"not shown, below {axis.high / factor:.3g}")
     comment = f"  # {name}: {'; '.join(intervals)} {unit}"
-    significant = [axis.value / factor for axis in axes if axis.shown]
-    if not significant:
+    significant_values = [axis.value / factor for axis in axes if axis.is_significant]
+    if not significant_values:
         return [comment]
     if name == "quantisation":  # the card has one quantisation step for all axes: their RMS
-        rms = np.sqrt(np.mean(np.square(significant)))
+        rms = np.sqrt(np.mean(np.square(significant_values)))
         return [comment, f'  quantisation: "{rms:.4g} {unit}"']
     values = ", ".join(f'"{axis.value / factor:.4g} {unit}"' for axis in axes)
     return [comment, f"  {name}: [{values}]"]
@@ -247,18 +247,18 @@ def _curves(fits: dict[str, list[AxisFit]]) -> pd.DataFrame:
     from scipy.stats import chi2
 
     curves = []
-    for sensor, fitted_axes in fits.items():
-        for axis, fitted in zip("xyz", fitted_axes, strict=True):
-            degrees_of_freedom = np.maximum(1.0, 0.5 * (fitted.model / fitted.sigma) ** 2)
+    for sensor, axis_fits in fits.items():
+        for axis, axis_fit in zip("xyz", axis_fits, strict=True):
+            degrees_of_freedom = np.maximum(1.0, 0.5 * (axis_fit.model / axis_fit.sigma) ** 2)
             low_factor = np.sqrt(degrees_of_freedom / chi2.ppf(0.975, degrees_of_freedom))
             high_factor = np.sqrt(degrees_of_freedom / chi2.ppf(0.025, degrees_of_freedom))
             columns = {
                 "sensor": f"{_SENSORS[sensor]} {axis}",
-                "tau_s": fitted.tau,
-                "deviation_si": fitted.deviation,
-                "low_si": fitted.deviation * low_factor,
-                "high_si": fitted.deviation * high_factor,
-                "model_si": fitted.model,
+                "tau_s": axis_fit.tau,
+                "deviation_si": axis_fit.deviation,
+                "low_si": axis_fit.deviation * low_factor,
+                "high_si": axis_fit.deviation * high_factor,
+                "model_si": axis_fit.model,
             }
             curves.append(pd.DataFrame(columns))
     return pd.concat(curves, ignore_index=True)
@@ -267,9 +267,9 @@ def _curves(fits: dict[str, list[AxisFit]]) -> pd.DataFrame:
 def _coefficients(fits: dict[str, list[AxisFit]]) -> pd.DataFrame:
     """Return the coefficients with their intervals, one row per sensor axis and coefficient."""
     rows = []
-    for sensor, fitted_axes in fits.items():
-        for axis, fitted in zip("xyz", fitted_axes, strict=True):
-            for name, coefficient in fitted.coefficients.items():
+    for sensor, axis_fits in fits.items():
+        for axis, axis_fit in zip("xyz", axis_fits, strict=True):
+            for name, coefficient in axis_fit.coefficients.items():
                 unit, si = _UNITS[sensor][name]
                 factor = units.parse(f"1 {unit}", si)
                 row = {
@@ -279,7 +279,7 @@ def _coefficients(fits: dict[str, list[AxisFit]]) -> pd.DataFrame:
                     "estimate": coefficient.value / factor,
                     "low": coefficient.low / factor,
                     "high": coefficient.high / factor,
-                    "shown": coefficient.shown,
+                    "shown": coefficient.is_significant,
                 }
                 rows.append(row)
     return pd.DataFrame(rows, columns=["sensor", "coefficient", "unit", "estimate", "low", "high", "shown"])

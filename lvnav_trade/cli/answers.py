@@ -18,30 +18,30 @@ _COMPONENT_OF = re.compile(r"^\w+ component of the |^length of the three-axis ")
 _ROWS = 20  # largest number of rows of a table; for more cases a summary is printed
 
 
-def shown(as_json: bool) -> tuple[list[Any], Callable[..., None]]:
+def covariance_collector(as_json: bool) -> tuple[list[Any], Callable[..., None]]:
     """Return a list, and a function that appends results of linear covariance to it and prints them unless for JSON."""
-    collected: list[Any] = []
+    collected_answers: list[Any] = []
 
     def show(answers: Sequence[Any], cases: Sequence[Any]) -> None:
-        collected.extend(answers)
+        collected_answers.extend(answers)
         if not as_json:
             _print_covariance(answers, cases)
 
-    return collected, show
+    return collected_answers, show
 
 
-def shared(done: Any) -> VerbResult:
+def shard_result(outcome: Any) -> VerbResult:
     """Return the console output on a finished shard."""
-    lines = [f"failed: {line}" for line in done.failures[:_MOST]]
-    lines.append(f"{done.runs} runs of {done.cases} cases are stored in {done.folder}")
-    lines.append(f"when all shards are there: lvnav-trade merge {done.folder.parent}")
+    lines = [f"failed: {line}" for line in outcome.failures[:_MOST]]
+    lines.append(f"{outcome.runs} runs of {outcome.cases} cases are stored in {outcome.folder}")
+    lines.append(f"when all shards are there: lvnav-trade merge {outcome.folder.parent}")
     content = {
-        "folder": str(done.folder),
-        "runs": done.runs,
-        "cases": done.cases,
-        "failures": list(done.failures),
+        "folder": str(outcome.folder),
+        "runs": outcome.runs,
+        "cases": outcome.cases,
+        "failures": list(outcome.failures),
     }
-    return VerbResult("\n".join(lines), content, FAILED if done.failures else 0)
+    return VerbResult("\n".join(lines), content, FAILED if outcome.failures else 0)
 
 
 def check_preferred(prefer: Sequence[str]) -> None:
@@ -66,12 +66,12 @@ def with_ranking(answer: VerbResult, results: Any, prefer: Sequence[str]) -> Ver
     prefer : sequence of str
         Criteria in the order of preference: cost, mass, power, volume or error.
     """
-    from lvnav_trade.results.evaluation.resources import ranked
+    from lvnav_trade.results.evaluation.resources import sort_by_preference
 
     frame = results.pareto
     if frame.empty:
         return answer._replace(text=f"{answer.text}\n--prefer: no card states resources, or there is no requirement")
-    ranking = ranked(frame, prefer)
+    ranking = sort_by_preference(frame, prefer)
     columns = [
         "case",
         "meets",
@@ -84,9 +84,9 @@ def with_ranking(answer: VerbResult, results: Any, prefer: Sequence[str]) -> Ver
         "volume_l",
         "front",
     ]
-    printed = ranking[columns].assign(cost=ranking.cost.map("{:g}".format))
+    printed_columns = ranking[columns].assign(cost=ranking.cost.map("{:g}".format))
     content = {**answer.content, "preferred": json.loads(ranking.to_json(orient="records"))}
-    return answer._replace(text=f"{answer.text}\n{frame_table(printed)}", content=content)
+    return answer._replace(text=f"{answer.text}\n{frame_table(printed_columns)}", content=content)
 
 
 def answer_of(results: Any, answers: Sequence[Any], report: bool) -> VerbResult:
@@ -153,15 +153,15 @@ def _campaign_lines(
         Whether the report has been built.
     """
     from lvnav_trade.campaign.reading.flights import remark_lines
-    from lvnav_trade.results.requirements.requirements import in_words
+    from lvnav_trade.results.requirements.requirements import verdict_texts
 
     lines = remark_lines(remarks) + [f"failed: {line}" for line in failures[:_MOST]]
     space = results.tables.manifest.get("space") or {}
     if len(verdicts) and not space:
         location = "requirements.csv, the report" if report else "requirements.csv, --json"
-        printed = in_words(verdicts)
-        printed = printed.assign(by=printed.by.replace("LinCov", "linear covariance"))
-        lines.insert(1 if remarks["beyond_limits"] else 0, _verdicts(printed, location))
+        verdict_table = verdict_texts(verdicts)
+        verdict_table = verdict_table.assign(by=verdict_table.by.replace("LinCov", "linear covariance"))
+        lines.insert(1 if remarks["beyond_limits"] else 0, _verdicts(verdict_table, location))
     if len(failures) > _MOST:
         lines.append(f"failed: {len(failures) - _MOST} more; all of them: column failed of the table runs, or --json")
     if space:
@@ -169,7 +169,7 @@ def _campaign_lines(
     return lines
 
 
-def components_together(metrics: Sequence[Sequence[str]]) -> list[tuple[str, str, str]]:
+def combine_components(metrics: Sequence[Sequence[str]]) -> list[tuple[str, str, str]]:
     """Return metrics (name, unit, meaning) with the components of a quantity combined, as `position_error_*`.
 
     The components have the same unit, and their meanings differ in the name of the component only, which is listed.
@@ -181,40 +181,40 @@ def components_together(metrics: Sequence[Sequence[str]]) -> list[tuple[str, str
         if component in _COMPONENTS:
             key = (f"{stem}_*", unit, _COMPONENT_OF.sub("", meaning))
         groups.setdefault(key, []).append((name, unit, meaning))
-    combined = []
+    metric_rows = []
     for (pattern, unit, common_meaning), members in groups.items():
         if len(members) == 1:
             name, _, meaning = members[0]
-            combined.append((name, unit, meaning))
+            metric_rows.append((name, unit, meaning))
         else:
             components = ", ".join(name.rpartition("_")[2] for name, _, _ in members)
-            combined.append((pattern, unit, f"{common_meaning}; *: {components}"))
-    return combined
+            metric_rows.append((pattern, unit, f"{common_meaning}; *: {components}"))
+    return metric_rows
 
 
 def _designs(results: Any, space: Mapping[str, Any]) -> str:
     """Return the summary of a design space: designs that meet all requirements, those with an overconfident filter, and
     the command that lists them.
     """
-    from lvnav_trade.results.evaluation.design_space import counts_of, overconfident
+    from lvnav_trade.results.evaluation.design_space import met_counts, overconfident
 
     frame = results.cases
     summary = f"{space['designs']} designs"
-    impossible = sum((space.get("impossible") or {}).values())
-    if impossible:
-        summary += f", {impossible} of them impossible"
+    n_impossible = sum((space.get("impossible") or {}).values())
+    if n_impossible:
+        summary += f", {n_impossible} of them impossible"
     if not results.tables.campaign.get("requirements"):
         return f"{summary}\nlist them: lvnav-trade cases {results.folder} --sort velocity"
-    meeting = frame[frame.verdict == "met"]
-    summary += f": {len(meeting)} meet all requirements by linear covariance"
-    counts = counts_of(results.tables, frame)
+    compliant = frame[frame.verdict == "met"]
+    summary += f": {len(compliant)} meet all requirements by linear covariance"
+    counts = met_counts(results.tables, frame)
     if len(counts) > 1:
         counts_text = ", ".join(f"{name} {count}" for name, count in counts.items())
         summary += f" ({counts_text})"
-    doubtful = overconfident(meeting)
-    if doubtful:
-        summary += f", {doubtful} of these with an overconfident filter"
-    options = '--where "verdict == met" --sort error' if len(meeting) else "--sort error"
+    n_overconfident = overconfident(compliant)
+    if n_overconfident:
+        summary += f", {n_overconfident} of these with an overconfident filter"
+    options = '--where "verdict == met" --sort error' if len(compliant) else "--sort error"
     lines = [
         summary,
         f"list them: lvnav-trade cases {results.folder} {options}",
@@ -227,11 +227,11 @@ def _verdicts(verdicts: Any, location: str) -> str:
     """Return the table of verdicts; of too many rows only the worst verdicts, and the location of the whole table."""
     from lvnav_trade.results.requirements.margins import ORDER
 
-    omitted = len(verdicts) - _ROWS
-    if omitted <= 0:
+    n_omitted = len(verdicts) - _ROWS
+    if n_omitted <= 0:
         return frame_table(verdicts)
     worst_first = verdicts.sort_values("verdict", key=lambda words: words.map(ORDER.index), kind="stable")
-    lines = [frame_table(worst_first[:_ROWS]), f"{omitted} more rows, none worse: {location}"]
+    lines = [frame_table(worst_first[:_ROWS]), f"{n_omitted} more rows, none worse: {location}"]
     for name, rows in verdicts.groupby("requirement", sort=False):
         counts = rows.verdict.value_counts(sort=False)
         counts_text = ", ".join(f"{verdict} {count}" for verdict, count in counts.items())
@@ -243,7 +243,7 @@ def _print_covariance(answers: Sequence[Any], cases: Sequence[Any]) -> None:
     """Print the table of linear covariance; for many cases only those with the smallest and largest errors."""
     rows = []
     for answer, case in zip(answers, cases, strict=True):
-        cells = [f"{true:.3g} ({formal:.3g}) {unit}" for _, true, formal, unit in answer.rows]
+        cells = [f"{true_sigma:.3g} ({formal_sigma:.3g}) {unit}" for _, true_sigma, formal_sigma, unit in answer.rows]
         rows.append([case.label, answer.event, *(cells or [answer.error])])
     print("Linear covariance, RMS of the true error (in brackets the formal sigma), 3D:")
     header = ["case", "at", "position", "velocity", "attitude"]
@@ -258,11 +258,11 @@ def _print_covariance(answers: Sequence[Any], cases: Sequence[Any]) -> None:
 
 def _extreme_cases(answers: Sequence[Any]) -> Iterator[tuple[str, str, int]]:
     """Yield for each quantity the indices of the cases with its smallest and its largest error."""
-    computed = [k for k, answer in enumerate(answers) if answer.rows]
-    if not computed:
+    case_indices = [k for k, answer in enumerate(answers) if answer.rows]
+    if not case_indices:
         return
-    for column, (name, *_) in enumerate(answers[computed[0]].rows):
-        errors = {k: answers[k].rows[column][1] for k in computed}
-        by_error = sorted(computed, key=errors.__getitem__)
+    for column, (name, *_) in enumerate(answers[case_indices[0]].rows):
+        errors = {k: answers[k].rows[column][1] for k in case_indices}
+        by_error = sorted(case_indices, key=errors.__getitem__)
         yield name, "smallest", by_error[0]
         yield name, "largest", by_error[-1]

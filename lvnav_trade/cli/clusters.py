@@ -10,7 +10,7 @@ from typing import Annotated
 
 import typer
 
-from lvnav_trade.cli.answers import answer_of, shown
+from lvnav_trade.cli.answers import answer_of, covariance_collector
 from lvnav_trade.cli.console import Jobs, Json, Quiet, VerbResult, folder_option, verb
 from lvnav_trade.quantities.errors import InputError
 
@@ -72,6 +72,6 @@ def merge(
     from lvnav_trade import api
     from lvnav_trade.campaign.running.progress import choose
 
-    covariance_rows, show = shown(as_json)
+    covariance_rows, show = covariance_collector(as_json)
     results = api.merge(place, out, jobs, report, choose(quiet), show)
     return answer_of(results, covariance_rows, report)

@@ -16,14 +16,14 @@ from typing import Annotated, Any, NamedTuple, NoReturn, get_type_hints
 import typer
 from typer.core import TyperCommand, TyperGroup
 
-from lvnav_trade.campaign.interrupts import raise_if_interrupted, remembering_interrupts
-from lvnav_trade.cli.streams import complaint, guard
+from lvnav_trade.campaign.interrupts import interrupt_handlers, raise_if_interrupted
+from lvnav_trade.cli.streams import guard, output_error_text
 from lvnav_trade.quantities.errors import (
     InputError,
     Mistake,
     is_full_disk,
     system_message,
-    visible,
+    visible_text,
     without_credentials,
 )
 
@@ -31,7 +31,7 @@ JSON_VERSION = 1
 FAILED, INTERNAL = 4, 5
 _READ = ("campaign", "base", "file", "folder", "source", "place", "log")
 """Arguments that name the input of a verb; the first that is given counts."""
-_answered = False
+_has_answer = False
 
 RUN, EXPLORE, SEARCH, DATA, EXPORT = "Run and report", "Explore", "Search", "Data", "Export"
 GROUPS = {
@@ -83,15 +83,15 @@ app = typer.Typer(
 
 def folder_option(content: str, default: str = "") -> Any:
     """Return the option ``--out`` of a verb that writes a folder."""
-    return _out("DIR", f"folder of {content}", default)
+    return _out_option("DIR", f"folder of {content}", default)
 
 
 def file_option(content: str, default: str = "") -> Any:
     """Return the option ``--out`` of a verb that writes a file."""
-    return _out("FILE", content, default)
+    return _out_option("FILE", content, default)
 
 
-def _out(metavar: str, content: str, default: str) -> Any:
+def _out_option(metavar: str, content: str, default: str) -> Any:
     help_text = f"{content} [default: {default}]" if default else content
     return typer.Option("--out", "-o", metavar=metavar, help=help_text, show_default=False)
 
@@ -105,8 +105,8 @@ Out = Annotated[Path | None, folder_option("the results", "results/NAME")]
 Jobs = Annotated[int, typer.Option("--jobs", "-j", help="worker processes; -1: all cores")]
 
 
-def _version(wanted: bool) -> None:
-    if wanted:
+def _version(is_requested: bool) -> None:
+    if is_requested:
         from lvnav_trade.results.tables.versions import tool_version
 
         print(f"lvnav-trade {tool_version()}")
@@ -180,7 +180,7 @@ def verb(example: str, with_json: bool = True) -> Callable[[Callable[..., VerbRe
                     print(answer.text)
                 if is_talkative and "quiet" in values:
                     _say(f"{name}: {_duration(time.monotonic() - start)} in total")
-                _exit_answered(answer.code)
+                _exit_with_answer(answer.code)
 
         command.__signature__ = inspect.Signature(list(options.values()))  # type: ignore[attr-defined]
         command.__annotations__ = {key: option.annotation for key, option in options.items()}
@@ -216,9 +216,9 @@ def _print_input(name: str, values: Mapping[str, Any]) -> None:
 
 
 def _say(line: str) -> None:
-    from lvnav_trade.campaign.running.progress import stamped
+    from lvnav_trade.campaign.running.progress import stamped_line
 
-    print(stamped(visible(line)), file=sys.stderr, flush=True)
+    print(stamped_line(visible_text(line)), file=sys.stderr, flush=True)
 
 
 def _duration(seconds: float) -> str:
@@ -251,7 +251,7 @@ def errors(as_json: bool, debug: bool) -> Iterator[None]:
     if debug:
         os.environ["LVNAV_TRADE_DEBUG"] = "1"
     try:
-        with remembering_interrupts():  # SIGTERM too, by which a batch system ends a job
+        with interrupt_handlers():  # SIGTERM too, by which a batch system ends a job
             try:
                 yield
             except (typer.Exit, typer.Abort):
@@ -304,7 +304,7 @@ def _exit(code: int, as_json: bool, message: str, records: Sequence[Mistake] = (
     records : sequence of Mistake
         Input errors with their places.
     """
-    message = visible(without_credentials(message))
+    message = visible_text(without_credentials(message))
     if as_json:
         _print_json("error", code, message=message, mistakes=[record._asdict() for record in records])
     else:
@@ -317,10 +317,10 @@ def _exit(code: int, as_json: bool, message: str, records: Sequence[Mistake] = (
     raise typer.Exit(code)
 
 
-def _exit_answered(code: int) -> NoReturn:
+def _exit_with_answer(code: int) -> NoReturn:
     """Exit with the code of an answer; exit codes 1 and 3 come from here only."""
-    global _answered
-    _answered = True
+    global _has_answer
+    _has_answer = True
     raise typer.Exit(code)
 
 
@@ -329,23 +329,23 @@ def main() -> NoReturn:
 
     Exit codes 0, 1 and 3 are those of a verb that has completed and written all its output.
     """
-    global _answered
-    _answered = False
-    out, code = guard(), INTERNAL
+    global _has_answer
+    _has_answer = False
+    stream, code = guard(), INTERNAL
     try:
         app()
         code = 0
     except SystemExit as end:
         code = end.code if isinstance(end.code, int) else 0 if end.code is None else INTERNAL
-        if code in (1, 3) and not _answered:
+        if code in (1, 3) and not _has_answer:
             code = INTERNAL
     except KeyboardInterrupt:
         code = 130
     except Exception:  # of --debug, or before a verb begins
         traceback.print_exc()
-    lost = complaint(out)
-    if lost:
-        print(lost, file=sys.stderr)
+    output_error = output_error_text(stream)
+    if output_error:
+        print(output_error, file=sys.stderr)
         code = FAILED if code in (0, 1, 3) else code
     sys.stderr.flush()
     sys.exit(code)

@@ -44,12 +44,12 @@ def cases(
         raise InputError(f"--limit {limit}: give a number of rows, at least 1")
     names = [name.strip() for name in columns.split(",")] if columns is not None else []
     result = api.cases(folder, where or (), sort or (), names)
-    written = str(result.write(out)) if out is not None else None
+    table_file = str(result.write(out)) if out is not None else None
     content = {
         "cases": json.loads(result.rows.to_json(orient="records", double_precision=15)),
         "columns": result.columns.to_dict("records"),
         "total": result.total,
-        "written": written,
+        "written": table_file,
     }
     if units:
         rows = list(result.columns.itertuples(index=False))
@@ -58,8 +58,8 @@ def cases(
     if len(result.rows) > limit:
         summary += f", {limit} of them shown"
     lines = [_first_rows(result, limit, bool(names)), summary]
-    if written:
-        lines.append(f"written: {written}")
+    if table_file:
+        lines.append(f"written: {table_file}")
     return VerbResult("\n".join(lines), content)
 
 

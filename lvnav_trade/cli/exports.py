@@ -57,16 +57,16 @@ def export_filter(
     """
     from lvnav_trade import api
 
-    def progress(what: str) -> None:
+    def progress(step: str) -> None:
         if not quiet:
-            print(what, file=sys.stderr)
+            print(step, file=sys.stderr)
 
     code = api.export_filter(campaign, out, case, runs, sets or (), progress)
     lines = [f"files: {out}"]
-    replayed = []
-    if code.replayed is not None:
-        replayed = code.replayed.to_dict(orient="records")
-        by_estimate = code.replayed.groupby("estimate", sort=False)
+    difference_rows = []
+    if code.differences is not None:
+        difference_rows = code.differences.to_dict(orient="records")
+        by_estimate = code.differences.groupby("estimate", sort=False)
         worst = by_estimate.agg(runs=("run", "nunique"), worst=("difference", "max"))
         rows = [[row.Index, row.runs, f"{row.worst:.1e}"] for row in worst.itertuples()]
         lines.insert(0, table(["estimate", "runs", "largest difference"], rows))
@@ -78,6 +78,6 @@ def export_filter(
         "folder": str(out),
         "compiler": code.compiler,
         "agrees": code.agrees,
-        "replayed": replayed,
+        "replayed": difference_rows,
     }
     return VerbResult("\n".join(lines), content, 0 if code.agrees else 1)

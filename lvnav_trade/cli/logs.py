@@ -99,7 +99,7 @@ def process_log(
         raise InputError(f"--outage: {error}") from None
     if min(lengths) <= 0.0 or every <= 0.0 or first < 0.0:
         raise InputError("--outage and --every: should be above zero, --first not below it")
-    processed = api.process_log(campaign, log, out, lengths, first, every, sets or ())
+    filtered_log = api.process_log(campaign, log, out, lengths, first, every, sets or ())
     rows = [
         [
             row.case,
@@ -113,13 +113,14 @@ def process_log(
                 else [f"{row.nees_ratio:.2f}", f"{row.position_rms_m:.3g} m", f"{row.position_worst_m:.3g} m"]
             ),
         ]
-        for row in processed.summary.itertuples()
+        for row in filtered_log.summary.itertuples()
     ]
-    heading = math.degrees(processed.alignment.heading) % 360.0
+    heading = math.degrees(filtered_log.alignment.heading) % 360.0
     lines = [
         table(["case", "withheld", "outages", "failed", "inside 3 sigma", "NEES", "position RMS", "worst"], rows),
-        *processed.notes,
+        *filtered_log.notes,
         f"heading after the rest: {heading:.1f} deg; page: {out / 'report.html'}",
     ]
-    content = {"page": str(out / "report.html"), "heading_deg": heading, "notes": list(processed.notes)}
-    return VerbResult("\n".join(lines), content | {"summary": json.loads(processed.summary.to_json(orient="records"))})
+    content = {"page": str(out / "report.html"), "heading_deg": heading, "notes": list(filtered_log.notes)}
+    summary = json.loads(filtered_log.summary.to_json(orient="records"))
+    return VerbResult("\n".join(lines), content | {"summary": summary})

@@ -36,11 +36,13 @@ def estimate_q(
 
     outcome = api.estimate_q(campaign, out, sets or (), case, runs, step)
     estimate = outcome.noise
-    densities = {"whole flight": estimate.whole}
+    densities = {"whole flight": estimate.flight_densities}
     for name, _, _, noise in estimate.phases:
         densities[name] = noise
     rows = [_density_row(name, noise) for name, noise in densities.items()]
-    excess = estimate.whole._replace(attitude=estimate.card.attitude_noise, velocity=estimate.card.velocity_noise)
+    excess = estimate.flight_densities._replace(
+        attitude=estimate.card.attitude_noise, velocity=estimate.card.velocity_noise
+    )
     excess_row = _density_row("the card: whole flight beyond the unit's own", excess)
     rows.append([*excess_row[:3], "-"])  # the card has no position noise
     header = ["phase", "attitude (deg/sqrt(h))", "velocity (m/s/sqrt(s))", "position (m/sqrt(s))"]
@@ -100,11 +102,12 @@ def report(
     if no_tables and keep is None:
         raise InputError("--no-tables: only --keep writes CSV tables")
     formats = ("png", "svg") if figures else ()
-    built = api.report(folder, keep, not no_tables, formats, brief)
-    text = f"report: {built.page}"
-    if built.kept is None:
-        return VerbResult(text, {"report": str(built.page), "kept": None})
-    return VerbResult(f"{text}\nkept: {built.kept}", {"report": str(built.page), "kept": str(built.kept)})
+    report_files = api.report(folder, keep, not no_tables, formats, brief)
+    page = str(report_files.page)
+    if report_files.kept is None:
+        return VerbResult(f"report: {page}", {"report": page, "kept": None})
+    kept = str(report_files.kept)
+    return VerbResult(f"report: {page}\nkept: {kept}", {"report": page, "kept": kept})
 
 
 @verb("my_vehicle/base results/ascent --effect velocity_error_3d=5%")
@@ -166,8 +169,8 @@ def kml(
     """Write trajectories as KML for Earth viewers."""
     from lvnav_trade import api
 
-    written = str(api.kml(source, out, ellipses, every, magnify))
-    return VerbResult(f"kml: {written}", {"kml": written})
+    kml_file = str(api.kml(source, out, ellipses, every, magnify))
+    return VerbResult(f"kml: {kml_file}", {"kml": kml_file})
 
 
 @verb("trajectories/two_stage_leo -o my_flight.csv")
@@ -185,19 +188,19 @@ def export_trajectory(
     """
     from lvnav_trade import api
 
-    exported = api.export_trajectory(source, out, sets or (), case, rate)
-    differences = [[quantity, f"{value:.1e}"] for quantity, value in exported.difference.items()]
+    trajectory = api.export_trajectory(source, out, sets or (), case, rate)
+    differences = [[quantity, f"{value:.1e}"] for quantity, value in trajectory.difference.items()]
     lines = [
         table(["largest difference", "SI"], differences),
-        f"events: {', '.join(exported.events)}",
-        f"rows: {exported.file}",
-        f"card: {exported.card}",
+        f"events: {', '.join(trajectory.events)}",
+        f"rows: {trajectory.file}",
+        f"card: {trajectory.card}",
     ]
     content = {
-        "file": str(exported.file),
-        "card": str(exported.card),
-        "events": exported.events,
-        "difference": exported.difference,
+        "file": str(trajectory.file),
+        "card": str(trajectory.card),
+        "events": trajectory.events,
+        "difference": trajectory.difference,
     }
     return VerbResult("\n".join(lines), content)
 
@@ -217,17 +220,21 @@ def init(
     """
     from lvnav_trade import api
 
-    started = api.init(folder, file, epoch, time)
-    rows = [[guess.part, str(guess.content), guess.why] for guess in started.guesses]
-    events = ", ".join(f"{name} {time}" for name, time in started.events.items()) or "none"
+    first_campaign = api.init(folder, file, epoch, time)
+    rows = [[guess.field, str(guess.content), guess.reason] for guess in first_campaign.guesses]
+    events = ", ".join(f"{name} {time}" for name, time in first_campaign.events.items()) or "none"
     rows.append(["events", events, "jumps of force"])
-    lines = [table(["part", "guess", "why"], rows), f"card: {started.card}", f"campaign: {started.campaign}"]
-    lines.append(f"confirm the guesses in the card, then: lvnav-trade check {started.campaign}")
-    guessed = {guess.part: guess.content for guess in started.guesses}
+    lines = [
+        table(["part", "guess", "why"], rows),
+        f"card: {first_campaign.card}",
+        f"campaign: {first_campaign.campaign}",
+    ]
+    lines.append(f"confirm the guesses in the card, then: lvnav-trade check {first_campaign.campaign}")
+    guesses = {guess.field: guess.content for guess in first_campaign.guesses}
     content = {
-        "campaign": str(started.campaign),
-        "card": str(started.card),
-        "guesses": guessed,
-        "events": started.events,
+        "campaign": str(first_campaign.campaign),
+        "card": str(first_campaign.card),
+        "guesses": guesses,
+        "events": first_campaign.events,
     }
     return VerbResult("\n".join(lines), content)

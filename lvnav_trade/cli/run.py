@@ -11,7 +11,14 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 import typer
 
 from lvnav_trade.campaign.text import frame_table, table
-from lvnav_trade.cli.answers import answer_of, check_preferred, components_together, shared, shown, with_ranking
+from lvnav_trade.cli.answers import (
+    answer_of,
+    check_preferred,
+    combine_components,
+    covariance_collector,
+    shard_result,
+    with_ranking,
+)
 from lvnav_trade.cli.clusters import Backend, workers
 from lvnav_trade.cli.console import CampaignFile, Jobs, Json, Out, Quiet, Sets, VerbResult, folder_option, verb
 from lvnav_trade.quantities.errors import InputError
@@ -32,7 +39,7 @@ VERDICTS = ("passed", "failed", "not checked")
 _ERROR_COLUMNS = ["event", "t", "position", "velocity", "attitude"]
 
 
-class RunOptions(NamedTuple):
+class RunVerbOptions(NamedTuple):
     """Options of `run`: extent of the computation, and location of the results."""
 
     out: Out = None
@@ -68,7 +75,7 @@ class WorkerOptions(NamedTuple):
 @verb("demo --set monte_carlo.runs=50")
 def run(
     campaign: CampaignFile,
-    options: RunOptions,
+    options: RunVerbOptions,
     force: WorkerOptions,
     sets: Sets = None,
     quiet: Quiet = False,
@@ -81,28 +88,28 @@ def run(
     from lvnav_trade import api
     from lvnav_trade.api.campaigns import Task, carry_out
     from lvnav_trade.campaign.reading.load import load
-    from lvnav_trade.campaign.reading.written_cases import single
+    from lvnav_trade.campaign.reading.written_cases import single_case
     from lvnav_trade.campaign.running.progress import choose
 
-    loaded = load(campaign, sets or ())
+    loaded_campaign = load(campaign, sets or ())
     if options.case is not None:
-        loaded = single(*api.case_of(loaded, (), options.case))
+        loaded_campaign = single_case(*api.case_of(loaded_campaign, (), options.case))
     check_preferred(options.prefer or ())
-    folder = options.out or Path("results") / loaded.name
+    folder = options.out or Path("results") / loaded_campaign.name
     if options.shard is not None:
         uses_cluster = force.scheduler is not None or force.backend != Backend.PROCESSES
         if options.prefer or options.copy_to or uses_cluster:
             raise InputError("--shard: goes without --prefer, --copy-to, --backend and --scheduler")
         shard_outcome = api.run_shard(
-            loaded, options.shard, (), folder, force.jobs, options.fresh, options.fail_fast, choose(quiet)
+            loaded_campaign, options.shard, (), folder, force.jobs, options.fresh, options.fail_fast, choose(quiet)
         )
-        return shared(shard_outcome)
-    covariance_rows, show = shown(as_json or loaded.is_space)
+        return shard_result(shard_outcome)
+    covariance_rows, show = covariance_collector(as_json or loaded_campaign.is_space)
     with workers(force.backend, force.scheduler, folder, force.jobs) as (place, count):
         task = Task(
             count, options.fresh, options.fail_fast, options.report, options.copy_to, choose(quiet), on_answers=show
         )
-        results = carry_out(loaded, place, task)
+        results = carry_out(loaded_campaign, place, task)
     answer = answer_of(results, covariance_rows, options.report)
     if options.prefer:
         return with_ranking(answer, results, options.prefer)
@@ -115,14 +122,14 @@ def check(campaign: CampaignFile, sets: Sets = None, strict: Strict = False) -> 
     from lvnav_trade import api
     from lvnav_trade.campaign.reading.flights import remark_lines
 
-    checked = api.check(campaign, sets or (), strict)
-    remarks = {name: list(getattr(checked, name)) for name in ("beyond_limits", "warnings", "notes")}
-    if checked.designs:
-        size = f"{checked.designs} designs"
+    checked_campaign = api.check(campaign, sets or (), strict)
+    remarks = {name: list(getattr(checked_campaign, name)) for name in ("beyond_limits", "warnings", "notes")}
+    if checked_campaign.designs:
+        size = f"{checked_campaign.designs} designs"
     else:
-        size = "1 case" if len(checked.cases) == 1 else f"{len(checked.cases)} cases"
+        size = "1 case" if len(checked_campaign.cases) == 1 else f"{len(checked_campaign.cases)} cases"
     lines = [*remark_lines(remarks), f"{campaign}: good, {size}"]
-    case_list = [{"id": case.id, "label": case.label} for case in checked.cases]
+    case_list = [{"id": case.id, "label": case.label} for case in checked_campaign.cases]
     return VerbResult("\n".join(lines), {**remarks, "cases": case_list, "mistakes": []})
 
 
@@ -132,21 +139,21 @@ def plan(campaign: CampaignFile, sets: Sets = None, out: Out = None, strict: Str
     from lvnav_trade import api
     from lvnav_trade.campaign.reading.flights import remark_lines
 
-    planned = api.plan(campaign, sets or (), out, strict)
-    lines = [_planned(planned), *remark_lines({"warnings": planned.warnings}), planned.cost]
+    campaign_plan = api.plan(campaign, sets or (), out, strict)
+    lines = [_planned_cases(campaign_plan), *remark_lines({"warnings": campaign_plan.warnings}), campaign_plan.cost]
     content = {
-        "cases": planned.cases.to_dict("records"),
-        "blocks": planned.blocks,
-        "seconds": planned.seconds,
-        "disk_mb": planned.disk_mb,
-        "memory_mb": planned.memory_mb,
-        "warnings": list(planned.warnings),
-        "designs": None if planned.designs is None else planned.designs._asdict(),
+        "cases": campaign_plan.cases.to_dict("records"),
+        "blocks": campaign_plan.blocks,
+        "seconds": campaign_plan.seconds,
+        "disk_mb": campaign_plan.disk_mb,
+        "memory_mb": campaign_plan.memory_mb,
+        "warnings": list(campaign_plan.warnings),
+        "designs": None if campaign_plan.designs is None else campaign_plan.designs._asdict(),
     }
     return VerbResult("\n".join(lines), content)
 
 
-def _planned(plan: Plan) -> str:
+def _planned_cases(plan: Plan) -> str:
     """Return the planned cases as a table, or in one line if they are too many for a table."""
     cases, space = plan.cases, plan.designs
     if space is not None:
@@ -154,8 +161,8 @@ def _planned(plan: Plan) -> str:
         return f"{space.designs} designs: a row for each (store: {space.store}), {space.whole} whole at most{runs}"
     if len(cases) <= _LISTED:
         return table(["case", "label", "runs", "done"], [list(row) for row in cases.itertuples(index=False)])
-    total, finished = int(cases["runs"].sum()), int(cases["done"].sum())
-    extent = f"{total} runs, {finished} of them done" if total else "linear covariance alone"
+    n_run, n_done = int(cases["runs"].sum()), int(cases["done"].sum())
+    extent = f"{n_run} runs, {n_done} of them done" if n_run else "linear covariance alone"
     return f"{len(cases)} cases, {extent}; `--json` lists the cases"
 
 
@@ -196,25 +203,25 @@ def replay(
     """Repeat one run bit for bit and save every step."""
     from lvnav_trade import api
 
-    replayed = api.replay(source, case, number, sets or (), out)
+    replayed_run = api.replay(source, case, number, sets or (), out)
     events, rows = [], []
-    for (event, t), errors in replayed.events.groupby(["event", "t_s"], sort=False):
+    for (event, t), errors in replayed_run.events.groupby(["event", "t_s"], sort=False):
         by_quantity = errors.set_index("quantity")
         sizes, units = by_quantity.error.to_dict(), by_quantity.unit.to_dict()
         events.append({"event": event, "t_s": t, "errors": sizes, "units": units})
         cells = [f"{sizes[quantity]:.6g} {units[quantity]}" for quantity in sizes]
         rows.append([event, f"{t:.3f} s", *cells])
-    title = f"{replayed.label}, run {number}"
-    if replayed.failure:
-        title += f": {replayed.failure}"
-    text = f"{title}\n{table(_ERROR_COLUMNS, rows)}\ntrace: {replayed.trace}"
+    title = f"{replayed_run.label}, run {number}"
+    if replayed_run.failure:
+        title += f": {replayed_run.failure}"
+    text = f"{title}\n{table(_ERROR_COLUMNS, rows)}\ntrace: {replayed_run.trace}"
     content = {
-        "case": replayed.case,
-        "label": replayed.label,
+        "case": replayed_run.case,
+        "label": replayed_run.label,
         "run": number,
-        "failure": replayed.failure,
+        "failure": replayed_run.failure,
         "events": events,
-        "trace": str(replayed.trace),
+        "trace": str(replayed_run.trace),
     }
     return VerbResult(text, content)
 
@@ -246,16 +253,16 @@ def fields(
     from lvnav_trade import api
 
     documents = api.fields(path or "")
-    blocks, parts = [], []
+    blocks, field_tables = [], []
     for document in documents:
         title = f"kind: {document.kind} - {document.title}" if document.kind else document.title
         rows = []
         for row in document.rows:
-            accepted = "; ".join(filter(None, (row.type, row.meaning)))
-            rows.append([row.field, row.default, accepted])
+            value_text = "; ".join(filter(None, (row.type, row.meaning)))
+            rows.append([row.field, row.default, value_text])
         blocks.append(f"{title}\n{table(['field', 'default', 'takes'], rows, _width())}")
-        parts.append(document._asdict() | {"rows": [row._asdict() for row in document.rows]})
-    return VerbResult("\n\n".join(blocks), {"path": path or "", "parts": parts})
+        field_tables.append(document._asdict() | {"rows": [row._asdict() for row in document.rows]})
+    return VerbResult("\n\n".join(blocks), {"path": path or "", "parts": field_tables})
 
 
 @verb("> campaign.schema.json", with_json=False)
@@ -286,16 +293,16 @@ def cards(
     from lvnav_trade import api
 
     all_cards = api.cards()
-    selected = [card for card in all_cards if name is None or card.name.startswith(f"{name.rstrip('/')}/")]
-    if name is not None and not selected:
+    selected_cards = [card for card in all_cards if name is None or card.name.startswith(f"{name.rstrip('/')}/")]
+    if name is not None and not selected_cards:
         text = api.card_text(name)
         return VerbResult(text.removesuffix("\n"), {"name": name, "text": text})
-    content = {"cards": [card._asdict() for card in selected]}
+    content = {"cards": [card._asdict() for card in selected_cards]}
     if not long:
-        return VerbResult(table(["card", "what"], [[card.name, card.title] for card in selected]), content)
+        return VerbResult(table(["card", "what"], [[card.name, card.title] for card in selected_cards]), content)
     width = min(_width(), 100)
     entries = []
-    for card in selected:
+    for card in selected_cards:
         source = fill(card.source, width, initial_indent="  ", subsequent_indent="  ")
         entries.append(f"{card.name}: {card.title}\n{source}")
     return VerbResult("\n\n".join(entries), content)
@@ -316,7 +323,7 @@ def metrics(
     for named_by, metric_rows in listing.metrics.groupby("named_by", sort=False):
         rows = list(metric_rows[["metric", "unit", "meaning"]].itertuples(index=False))
         if not name:
-            rows = components_together(rows)
+            rows = combine_components(rows)
         blocks.append(f"Named by {named_by}:\n{table(['metric', 'unit', 'meaning'], rows, _width())}")
     if listing.tables:
         table_rows = [[table_name, _noun(text)] for table_name, text in listing.tables.items()]

@@ -93,7 +93,7 @@ def tune(campaign: CampaignFile, sets: Sets = None, out: Page = None, jobs: Jobs
     lines = [
         frame_table(result.values),
         frame_table(result.cases),
-        f"{result.evaluations} looks, {result.seconds:.0f} s",
+        f"{result.evaluations} evaluations, {result.seconds:.0f} s",
         f"report: {result.page}",
         f"card: {result.file}",
     ]

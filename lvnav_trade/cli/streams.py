@@ -6,26 +6,26 @@ import sys
 from collections.abc import Callable
 from typing import Any, TextIO, cast
 
-from lvnav_trade.quantities.errors import visible
+from lvnav_trade.quantities.errors import visible_text
 
 
 class Stream:
     """A text stream that discards output after the first failed write, and stores the error.
 
-    refused : Error of the first failed write; None if there was none.
+    write_error : Error of the first failed write; None if there was none.
     """
 
-    def __init__(self, stream: TextIO, hides: bool = False) -> None:
-        """With `hides`, hidden characters are written unchanged, as a progress bar needs them."""
-        self._stream, self._hides = stream, hides
-        self.refused: OSError | None = None
+    def __init__(self, stream: TextIO, is_raw: bool = False) -> None:
+        """With `is_raw`, hidden characters are written unchanged, as a progress bar needs them."""
+        self._stream, self._is_raw = stream, is_raw
+        self.write_error: OSError | None = None
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._stream, name)
 
     def write(self, text: str) -> int:
         """Write a text, or discard it after a failed write; return its length."""
-        self._attempt(self._stream.write, text if self._hides else visible(text))
+        self._attempt(self._stream.write, text if self._is_raw else visible_text(text))
         return len(text)
 
     def flush(self) -> None:
@@ -37,11 +37,11 @@ class Stream:
 
         Otherwise Python would report the unwritten buffer when it exits.
         """
-        if self.refused is None:
+        if self.write_error is None:
             try:
                 call(*text)
             except OSError as error:
-                self.refused = error
+                self.write_error = error
                 null = os.open(os.devnull, os.O_WRONLY)
                 os.dup2(null, self._stream.fileno())
                 os.close(null)
@@ -61,20 +61,20 @@ def guard() -> Stream:
             os.dup2(null, number)
             if null != number:
                 os.close(null)
-    out = Stream(sys.stdout or open(os.devnull, "w"))  # noqa: SIM115
-    err = Stream(sys.stderr or open(os.devnull, "w"), hides=True)  # noqa: SIM115
-    for stream in (out, err):
+    output_stream = Stream(sys.stdout or open(os.devnull, "w"))  # noqa: SIM115
+    error_stream = Stream(sys.stderr or open(os.devnull, "w"), is_raw=True)  # noqa: SIM115
+    for stream in (output_stream, error_stream):
         stream.reconfigure(errors="backslashreplace")  # for characters that the encoding of the stream lacks
-    sys.stdout, sys.stderr = cast(TextIO, out), cast(TextIO, err)
-    return out
+    sys.stdout, sys.stderr = cast(TextIO, output_stream), cast(TextIO, error_stream)
+    return output_stream
 
 
-def complaint(stream: Stream) -> str:
+def output_error_text(stream: Stream) -> str:
     """Return a line on why standard output could not be written.
 
     Empty if it was written, or if its reader closed the pipe (EPIPE).
     """
     stream.flush()
-    if stream.refused is None or stream.refused.errno == errno.EPIPE:
+    if stream.write_error is None or stream.write_error.errno == errno.EPIPE:
         return ""
-    return f"standard output: {os.strerror(stream.refused.errno or 0)}; not all of it was written"
+    return f"standard output: {os.strerror(stream.write_error.errno or 0)}; not all of it was written"

@@ -3,7 +3,7 @@
 from lvnav_trade.covariance.component_inputs import N_NAV, block_input
 from lvnav_trade.kernels.attitude import cross, matrix, rotate, small_rotation
 from lvnav_trade.kernels.covariance import apply_phi
-from lvnav_trade.kernels.jit import inlined, jit
+from lvnav_trade.kernels.jit import inline_jit, jit
 from lvnav_trade.kernels.processes import profile_value
 from lvnav_trade.kernels.strapdown import J4, Q, R, V, gravity
 from lvnav_trade.kernels.transition import ATT, POS, VEL
@@ -18,37 +18,37 @@ def advance_profiles(joint, unit, units, model, sums, schedule, w):
     """
     state = joint.state
     scratch = joint.scratch
-    true = joint.true
-    length = schedule.length[w]
+    components = joint.components
+    length_index = schedule.length_index[w]
     first = schedule.first_tick[w]
     n_tick = schedule.n_tick[w]
-    seconds = model.seconds[length]
-    decay = true.decay[length]
-    g = scratch.shift
+    seconds = model.seconds[length_index]
+    decay = components.state_decay[length_index]
+    g = scratch.state_effect
     middle = unit.start + unit.dt * (first + 0.5 * n_tick)
-    for j in range(true.sensor.shape[0]):
-        profile = true.profile[j]
-        matched = true.matched[j]
+    for j in range(components.sensor.shape[0]):
+        profile = components.profile[j]
+        filter_state = components.filter_state[j]
         if profile < 0:
             continue
-        if true.moving[j]:
-            block_input(scratch, j, true, units, sums, seconds, first, n_tick)
+        if components.block_drives_motion[j]:
+            block_input(scratch, j, components, units, sums, seconds, first, n_tick)
         for axis in range(3):
             value = profile_value(unit, profile, axis, middle)
             change = value - state.profile[profile, axis]
             state.profile[profile, axis] = value
-            if matched >= 0:
-                bias_state = matched + axis
+            if filter_state >= 0:
+                bias_state = filter_state + axis
                 for i in range(g.shape[0]):
                     g[i] = 0.0
                 g[bias_state] = 1.0
                 # the value is the mean over the window, so a change acts from the start of the window
-                apply_phi(g, scratch.D_true, true.nav_rows, true.nav_columns, decay, model.clock, seconds)
+                apply_phi(g, scratch.D_true, components.nav_rows, components.nav_columns, decay, model.clock, seconds)
                 extra = 1.0 - decay[bias_state]  # the filter's state decays, the profile does not
                 for i in range(g.shape[0]):
                     state.mean[i] += g[i] * change
                 state.mean[bias_state] += extra * value
-            elif true.moving[j]:
+            elif components.block_drives_motion[j]:
                 for i in range(N_NAV):
                     state.mean[i] += scratch.input[i, axis] * value
 
@@ -64,7 +64,7 @@ def set_deviation(deviation, unit, nav, model, first, n_tick, reference):
     ----------
     deviation : (12,) set here: error in attitude, velocity and position (9), frame i; true minus modelled gravitation
         (3) m/s^2
-    unit, reference : Unit with sensed increments, Reference with true increments
+    unit, reference : ImuTruth with sensed increments, Reference with true increments
     nav, model : (10,) navigation state; FilterModel
     first, n_tick : first tick, number of ticks
     """
@@ -99,7 +99,7 @@ def set_deviation(deviation, unit, nav, model, first, n_tick, reference):
             d[POS + i] += dt * (d[VEL + i] + 0.5 * step)
             d[VEL + i] += step
             d[ATT + i] += attitude_step[i]
-    if not model.strapdown.counted:  # otherwise the error of the strapdown includes that of the gravity model
+    if not model.strapdown.is_error_included:  # otherwise the error of the strapdown includes that of the gravity model
         x = nav[R]
         y = nav[R + 1]
         z = nav[R + 2]
@@ -110,7 +110,7 @@ def set_deviation(deviation, unit, nav, model, first, n_tick, reference):
         d[11] = true_z - model_z
 
 
-@inlined
+@inline_jit
 def _rotate_mid_tick(c, a, x, y, z):
     """Return a body vector x, y, z in frame i, with the attitude at the middle of a tick: C (v + a x v / 2).
 
@@ -124,9 +124,9 @@ def _rotate_mid_tick(c, a, x, y, z):
 
 
 @jit
-def _add_deviation(mean, deviation, seconds, sensed):
+def _add_deviation(mean, deviation, seconds, has_sensing_errors):
     """Add deterministic errors to the mean: of sensed increments if these are propagated, and of the gravity model."""
-    if sensed:
+    if has_sensing_errors:
         for i in range(N_NAV):
             mean[i] -= deviation[i]
     for i in range(3):
@@ -161,12 +161,12 @@ def add_deviations(nav, joint, flight, model, schedule, w):
     """Add the deterministic errors of window w to the mean."""
     first = schedule.first_tick[w]
     n_tick = schedule.n_tick[w]
-    seconds = model.seconds[schedule.length[w]]
+    seconds = model.seconds[schedule.length_index[w]]
     mean = joint.state.mean
     deviation = joint.scratch.deviation
     set_deviation(deviation, flight.unit, nav, model, first, n_tick, flight.reference)
     # the error of the strapdown over the window includes that of the sensed increments
-    sensed = not (joint.true.by_samples or model.strapdown.counted)
-    _add_deviation(mean, deviation, seconds, sensed)
-    if model.strapdown.counted:
+    has_sensing_errors = not (joint.components.has_sample_updates or model.strapdown.is_error_included)
+    _add_deviation(mean, deviation, seconds, has_sensing_errors)
+    if model.strapdown.is_error_included:
         _add_strapdown_error(mean, nav, flight.reference, first + n_tick)

@@ -2,13 +2,13 @@
 
 import numpy as np
 
-from lvnav_trade.covariance.adjoint import BackwardMetrics, BackwardPass, go_back
-from lvnav_trade.covariance.components import components
+from lvnav_trade.covariance.adjoint import BackwardMetrics, BackwardPass, run_backward
+from lvnav_trade.covariance.components import build_components
 from lvnav_trade.covariance.forward import expected_nees, false_rejection
 from lvnav_trade.covariance.forward_pass import linear_case, run_pass
 from lvnav_trade.covariance.injection_covariance import injection_law, injection_rows
-from lvnav_trade.covariance.outputs import append_outputs, sample_outputs, solution_outputs_of
-from lvnav_trade.covariance.segments import case_at, has_uncorrected_outputs, with_outputs
+from lvnav_trade.covariance.outputs import append_outputs, append_sample_outputs, append_solution_outputs
+from lvnav_trade.covariance.segments import complete_outputs, has_uncorrected_outputs, output_case
 from lvnav_trade.covariance.sources import n_joint, source_labels
 from lvnav_trade.covariance.workspace import (
     PassResults,
@@ -17,7 +17,7 @@ from lvnav_trade.covariance.workspace import (
     new_tape,
     row_width,
 )
-from lvnav_trade.filter.policies.integrity.state import decisions_of
+from lvnav_trade.filter.policies.integrity.state import fault_decisions
 from lvnav_trade.kernels.transition import ATT, POS, VEL
 from lvnav_trade.quantities.errors import InputError, Mistake
 from lvnav_trade.quantities.frames import matrices
@@ -29,19 +29,19 @@ from lvnav_trade.quantities.records import (
     Ints,
 )
 from lvnav_trade.simulation.epoch.joint import NominalFlight
-from lvnav_trade.simulation.preparation.prepare import Prepared
+from lvnav_trade.simulation.preparation.prepare import PreparedCase
 from lvnav_trade.trajectory.guided.guidance_plan import GuidancePlan, steering_times
 from lvnav_trade.trajectory.guided.sensitivity import sensitivity
 
 N_MOTION = 9  # attitude, velocity and position
 
 
-def covariance(prepared: Prepared) -> CovHistory:
+def covariance(prepared_case: PreparedCase) -> CovHistory:
     """Return formal and true covariance of a case over its nominal flight.
 
     Parameters
     ----------
-    prepared
+    prepared_case
         Prepared case.
 
     Returns
@@ -55,138 +55,140 @@ def covariance(prepared: Prepared) -> CovHistory:
     The gains of the filter follow from its own models. With these gains, the true covariance is the exact sum of the
     contributions of independent error sources, and deterministic errors are propagated as the mean.
     """
-    true = components(prepared)
-    no_tape = new_tape(0, 0, n_joint(prepared), row_width(prepared))
-    tape = no_tape if prepared.plan is None else _whole_tape(prepared)
-    passed = run_pass(prepared, true, tape)
-    _refuse_unbounded(prepared, passed.out.formal)
-    out, monitor, _ = with_outputs(prepared, true, no_tape, passed)
-    history = _history(prepared, out)
-    history = sample_outputs(prepared, true, history, out)
-    history = solution_outputs_of(prepared, history, out)
-    if prepared.plan is not None:
-        injection = _injection(prepared, prepared.plan, tape, out)
+    components = build_components(prepared_case)
+    no_tape = new_tape(0, 0, n_joint(prepared_case), row_width(prepared_case))
+    tape = no_tape if prepared_case.plan is None else _whole_tape(prepared_case)
+    outcome = run_pass(prepared_case, components, tape)
+    _refuse_unbounded(prepared_case, outcome.results.formal)
+    results, monitor, _ = complete_outputs(prepared_case, components, no_tape, outcome)
+    history = _history(prepared_case, results)
+    history = append_sample_outputs(prepared_case, components, history, results)
+    history = append_solution_outputs(prepared_case, history, results)
+    if prepared_case.plan is not None:
+        injection = _injection(prepared_case, prepared_case.plan, tape, results)
         history = history._replace(injection=injection)
     if monitor is not None:
-        decisions = decisions_of(monitor.isolated[None], monitor.excluded[None], prepared.t_epoch, 0)
+        decisions = fault_decisions(monitor.fault_type[None], monitor.is_excluded[None], prepared_case.t_epoch, 0)
         history = history._replace(decisions=decisions)
-    if prepared.options.backup is None:
+    if prepared_case.options.backup is None:
         return history
-    unaided = run_pass(prepared, true, no_tape, aided=False)
-    return _append_backup(prepared, history, unaided.out)
+    unaided_outcome = run_pass(prepared_case, components, no_tape, has_aiding=False)
+    return _append_backup(prepared_case, history, unaided_outcome.results)
 
 
-def _append_backup(prepared: Prepared, history: CovHistory, unaided: PassResults) -> CovHistory:
+def _append_backup(prepared_case: PreparedCase, history: CovHistory, unaided_results: PassResults) -> CovHistory:
     """Append the outputs of the backup strapdown to a history.
 
     The backup strapdown does not depend on measurements, so its covariance is that of a pass without them.
 
     Parameters
     ----------
-    prepared
+    prepared_case
         Prepared case.
     history
         History to extend.
-    unaided
+    unaided_results
         Results of the pass without measurements.
     """
     motion = slice(0, N_MOTION)
-    turn = turns(prepared)[:, motion, motion]
+    turn = reporting_rotations(prepared_case)[:, motion, motion]
     turn_back = np.swapaxes(turn, 1, 2)
-    budget = unaided.budget[:, :, motion]
-    formal = turn @ unaided.formal[:, motion, motion] @ turn_back
-    total = turn @ unaided.true[:, motion, motion] @ turn_back
-    mean = np.einsum("hij,hj->hi", turn, unaided.mean[:, motion])
+    budget = unaided_results.budget[:, :, motion]
+    formal = turn @ unaided_results.formal[:, motion, motion] @ turn_back
+    total = turn @ unaided_results.true[:, motion, motion] @ turn_back
+    mean = np.einsum("hij,hj->hi", turn, unaided_results.mean[:, motion])
     return append_outputs(history, budget, mean, formal, total)
 
 
-def _refuse_unbounded(prepared: Prepared, formal: Floats) -> None:
+def _refuse_unbounded(prepared_case: PreparedCase, formal: Floats) -> None:
     """Raise InputError if no H-infinity filter bounds the required errors; formal (n_hist, n, n)."""
     is_unbounded = ~np.isfinite(formal).all(axis=(1, 2))
-    if prepared.scenario.filter.h_infinity is not None and is_unbounded.any():
+    if prepared_case.scenario.filter.h_infinity is not None and is_unbounded.any():
         first_unbounded = np.argmax(is_unbounded)
-        when = f"{prepared.t_hist[first_unbounded]:g} s"
-        message = f"no filter bounds errors of these sizes within this time: from {when} on the covariance has no end"
+        time_text = f"{prepared_case.t_hist[first_unbounded]:g} s"
+        message = (
+            f"no filter bounds errors of these sizes within this time: from {time_text} on the covariance has no end"
+        )
         raise InputError(records=[Mistake(message, "filter.h_infinity.time")])
 
 
-def forward_tape(prepared: Prepared, aided: bool = True) -> UpdateTape:
+def forward_tape(prepared_case: PreparedCase, has_aiding: bool = True) -> UpdateTape:
     """Return the tape of a forward pass, for a backward pass or an observability analysis.
 
     Parameters
     ----------
-    prepared
+    prepared_case
         Prepared case.
-    aided
+    has_aiding
         Whether measurements are processed.
     """
-    tape = _whole_tape(prepared)
-    true = components(prepared)
-    run_pass(prepared, true, tape, aided)
+    tape = _whole_tape(prepared_case)
+    components = build_components(prepared_case)
+    run_pass(prepared_case, components, tape, has_aiding)
     return tape
 
 
-def _whole_tape(prepared: Prepared) -> UpdateTape:
+def _whole_tape(prepared_case: PreparedCase) -> UpdateTape:
     """Return an empty tape for a whole flight."""
-    model = prepared.model
-    per_satellite = model.n_kind if model.tight else 0
-    n_sensor = sum(len(device.channels.labels) for device in prepared.devices)
+    model = prepared_case.model
+    per_satellite = model.n_observable if model.tight else 0
+    n_sensor = sum(len(device.channels.labels) for device in prepared_case.devices)
     # upper bound by epoch: a solution has six scalars, and further sensors may add six
-    n_receiver = np.maximum(6, per_satellite * prepared.signals.n_used)
+    n_receiver = np.maximum(6, per_satellite * prepared_case.signals.n_used)
     n_update = int(np.sum(n_receiver + n_sensor + 6)) + 1
-    n_window = prepared.schedule.n_tick.size
+    n_window = prepared_case.schedule.n_tick.size
     n_tick = 0
-    if prepared.options.vehicle is not None:
-        n_tick = prepared.reference.dtheta.shape[0]
-    return new_tape(n_window, n_update, n_joint(prepared), row_width(prepared), n_tick)
+    if prepared_case.options.vehicle is not None:
+        n_tick = prepared_case.reference.dtheta.shape[0]
+    return new_tape(n_window, n_update, n_joint(prepared_case), row_width(prepared_case), n_tick)
 
 
-def _injection(prepared: Prepared, plan: GuidancePlan, tape: UpdateTape, out: PassResults) -> InjectionLaw:
+def _injection(prepared_case: PreparedCase, plan: GuidancePlan, tape: UpdateTape, results: PassResults) -> InjectionLaw:
     """Return the linear covariance of the injection of a guided ascent, from tape and results of a forward pass."""
-    if has_uncorrected_outputs(prepared):
+    if has_uncorrected_outputs(prepared_case):
         return InjectionLaw("a mode logic decides when the outputs of the open loop are corrected")
-    steered = steering_times(plan, prepared.t_hist)
-    derivatives = sensitivity(plan, prepared.t_hist[steered])
-    if derivatives.why:
-        return InjectionLaw(derivatives.why)
+    steering_period = steering_times(plan, prepared_case.t_hist)
+    derivatives = sensitivity(plan, prepared_case.t_hist[steering_period])
+    if derivatives.reason:
+        return InjectionLaw(derivatives.reason)
     rows = injection_rows(derivatives)
-    times = np.flatnonzero(rows.any(axis=(1, 2)))  # without a sensitivity a time adds nothing
-    bin_seconds = _whole_flight(prepared)
-    _, contribution = _go_back(prepared, times, rows[times], bin_seconds, tape)
+    hist_indices = np.flatnonzero(rows.any(axis=(1, 2)))  # without a sensitivity a time adds nothing
+    bin_seconds = _whole_flight(prepared_case)
+    _, contribution = _run_backward(prepared_case, hist_indices, rows[hist_indices], bin_seconds, tape)
     variance = contribution.sum(axis=2)
-    mean = out.mean[steered, :N_MOTION]
-    return injection_law(derivatives, source_labels(prepared), variance, mean)
+    mean = results.mean[steering_period, :N_MOTION]
+    return injection_law(derivatives, source_labels(prepared_case), variance, mean)
 
 
-def _whole_flight(prepared: Prepared) -> float:
+def _whole_flight(prepared_case: PreparedCase) -> float:
     """Return a bin length (s) with which one bin covers the whole flight."""
-    return float(np.ptp(prepared.t_hist)) + 1.0
+    return float(np.ptp(prepared_case.t_hist)) + 1.0
 
 
-def empty_tape(prepared: Prepared) -> UpdateTape:
+def empty_tape(prepared_case: PreparedCase) -> UpdateTape:
     """Return the tape of a flight without updates."""
-    n_window = prepared.schedule.n_tick.size
-    return new_tape(n_window, 1, n_joint(prepared), row_width(prepared))
+    n_window = prepared_case.schedule.n_tick.size
+    return new_tape(n_window, 1, n_joint(prepared_case), row_width(prepared_case))
 
 
-def compile_backward(prepared: Prepared) -> None:
+def compile_backward(prepared_case: PreparedCase) -> None:
     """Compile the backward pass, or load it from the cache, by a pass over the first window of an empty tape."""
-    first_time = float(prepared.t_hist[0])
-    adjoint(prepared, first_time, tape=empty_tape(prepared))
+    first_time = float(prepared_case.t_hist[0])
+    adjoint(prepared_case, first_time, tape=empty_tape(prepared_case))
 
 
-def turns(prepared: Prepared) -> Floats:
+def reporting_rotations(prepared_case: PreparedCase) -> Floats:
     """Return the rotations (n_hist, n, n) of the reported error states to the reporting axes at the history times.
 
     Attitude is reported in body axes, velocity and position in the reporting frame, other states as they are.
     """
-    n = len(prepared.layout.reported)
-    record = prepared.record
+    n = len(prepared_case.layout.reported_states)
+    record = prepared_case.record
     attitude = slice(ATT, ATT + 3)
     velocity = slice(VEL, VEL + 3)
     position = slice(POS, POS + 3)
     further = range(N_MOTION, n)
-    turn = np.zeros((prepared.t_hist.size, n, n))
+    turn = np.zeros((prepared_case.t_hist.size, n, n))
     turn[:, attitude, attitude] = np.swapaxes(matrices(record.q), 1, 2)
     turn[:, velocity, velocity] = record.axes
     turn[:, position, position] = record.axes
@@ -195,13 +197,13 @@ def turns(prepared: Prepared) -> Floats:
 
 
 def adjoint(
-    prepared: Prepared, time: float, bin_seconds: float = 10.0, tape: UpdateTape | None = None
+    prepared_case: PreparedCase, time: float, bin_seconds: float = 10.0, tape: UpdateTape | None = None
 ) -> AdjointBudget:
     """Return the contribution of each error source to the navigation errors at a time, by the time of its origin.
 
     Parameters
     ----------
-    prepared
+    prepared_case
         Prepared case.
     time
         s since lift-off. The nearest history time is used (events are history times).
@@ -215,28 +217,28 @@ def adjoint(
     AdjointBudget
         Variance by output, source and time bin; the outputs of a backup strapdown, if the case has one, are the last.
     """
-    hist = int(np.argmin(np.abs(prepared.t_hist - time)))
-    times = np.array([hist])
-    rows = turns(prepared)[None, hist, :N_MOTION]
-    edges, contribution = _go_back(prepared, times, rows, bin_seconds, tape)
-    outputs = prepared.outputs[:N_MOTION]
-    backup = prepared.options.backup
+    hist = int(np.argmin(np.abs(prepared_case.t_hist - time)))
+    hist_indices = np.array([hist])
+    rows = reporting_rotations(prepared_case)[None, hist, :N_MOTION]
+    edges, contribution = _run_backward(prepared_case, hist_indices, rows, bin_seconds, tape)
+    outputs = prepared_case.outputs[:N_MOTION]
+    backup = prepared_case.options.backup
     if backup is not None:
-        unaided_tape = forward_tape(prepared, aided=False)
-        _, unaided = _go_back(prepared, times, rows, bin_seconds, unaided_tape)
-        contribution = np.concatenate([contribution, unaided])
-        backup_outputs = prepared.outputs[backup : backup + N_MOTION]
+        unaided_tape = forward_tape(prepared_case, has_aiding=False)
+        _, unaided_contribution = _run_backward(prepared_case, hist_indices, rows, bin_seconds, unaided_tape)
+        contribution = np.concatenate([contribution, unaided_contribution])
+        backup_outputs = prepared_case.outputs[backup : backup + N_MOTION]
         outputs = (*outputs, *backup_outputs)
-    event_time = float(prepared.t_hist[hist])
-    return AdjointBudget(event_time, edges, source_labels(prepared), outputs, contribution)
+    event_time = float(prepared_case.t_hist[hist])
+    return AdjointBudget(event_time, edges, source_labels(prepared_case), outputs, contribution)
 
 
-def source_covariances(prepared: Prepared, time: float, tape: UpdateTape | None = None) -> Floats:
+def source_covariances(prepared_case: PreparedCase, time: float, tape: UpdateTape | None = None) -> Floats:
     """Return the true covariances of attitude, velocity and position at a time by source, in the reporting axes.
 
     Parameters
     ----------
-    prepared, time, tape
+    prepared_case, time, tape
         As in `adjoint`.
 
     Returns
@@ -249,28 +251,28 @@ def source_covariances(prepared: Prepared, time: float, tape: UpdateTape | None 
     The backward pass gives variances. Covariances follow from those of sums: Cov(x, y) = (Var(x + y) - Var x - Var y)
     / 2.
     """
-    covariances = _motion_covariances(prepared, time, tape)
-    if prepared.options.backup is None:
+    covariances = _motion_covariances(prepared_case, time, tape)
+    if prepared_case.options.backup is None:
         return covariances
-    unaided_tape = forward_tape(prepared, aided=False)
-    unaided = _motion_covariances(prepared, time, unaided_tape)
-    return np.concatenate([covariances, unaided], axis=1)
+    unaided_tape = forward_tape(prepared_case, has_aiding=False)
+    unaided_covariances = _motion_covariances(prepared_case, time, unaided_tape)
+    return np.concatenate([covariances, unaided_covariances], axis=1)
 
 
-def _motion_covariances(prepared: Prepared, time: float, tape: UpdateTape | None) -> Floats:
+def _motion_covariances(prepared_case: PreparedCase, time: float, tape: UpdateTape | None) -> Floats:
     """Return the true covariances of attitude, velocity and position by source at a time, (n_source, 3, 3, 3) SI.
 
     Parameters
     ----------
-    prepared
+    prepared_case
         Prepared case.
     time
         s since lift-off. The nearest history time is used.
     tape
         Tape of the forward pass; None: computed here.
     """
-    hist = int(np.argmin(np.abs(prepared.t_hist - time)))
-    errors = turns(prepared)[hist, :N_MOTION]
+    hist = int(np.argmin(np.abs(prepared_case.t_hist - time)))
+    errors = reporting_rotations(prepared_case)[hist, :N_MOTION]
     pairs = []
     for x in (ATT, VEL, POS):
         y = x + 1
@@ -278,8 +280,8 @@ def _motion_covariances(prepared: Prepared, time: float, tape: UpdateTape | None
         pairs += [(x, y), (x, z), (y, z)]
     sums = [errors[i] + errors[j] for i, j in pairs]
     rows = np.vstack([errors, sums])
-    bin_seconds = _whole_flight(prepared)
-    _, contribution = _go_back(prepared, np.array([hist]), rows[None], bin_seconds, tape)
+    bin_seconds = _whole_flight(prepared_case)
+    _, contribution = _run_backward(prepared_case, np.array([hist]), rows[None], bin_seconds, tape)
     variance = contribution.sum(axis=2)
     n_source = variance.shape[1]
     diagonal = range(N_MOTION)
@@ -296,14 +298,14 @@ def _motion_covariances(prepared: Prepared, time: float, tape: UpdateTape | None
     return np.stack(blocks, axis=1)
 
 
-def _go_back(
-    prepared: Prepared, hist: Ints, rows: Floats, bin_seconds: float, tape: UpdateTape | None
+def _run_backward(
+    prepared_case: PreparedCase, hist: Ints, rows: Floats, bin_seconds: float, tape: UpdateTape | None
 ) -> tuple[Floats, Floats]:
     """Run a backward pass.
 
     Parameters
     ----------
-    prepared
+    prepared_case
         Prepared case.
     hist
         (n_sum,). History times of the errors in the sums, ascending.
@@ -321,75 +323,75 @@ def _go_back(
     variance
         (n_row, n_source, n_bin) SI squared. Variance of the linear sums of errors.
     """
-    true = components(prepared)
-    schedule = prepared.schedule
-    if has_uncorrected_outputs(prepared):
-        described = case_at(prepared, true, int(hist[-1]))
-        tape = tape if described is prepared else forward_tape(described)
-    tape = tape or forward_tape(prepared)
+    components = build_components(prepared_case)
+    schedule = prepared_case.schedule
+    if has_uncorrected_outputs(prepared_case):
+        event_case = output_case(prepared_case, components, int(hist[-1]))
+        tape = tape if event_case is prepared_case else forward_tape(event_case)
+    tape = tape or forward_tape(prepared_case)
     last_window = int(np.flatnonzero(schedule.hist == hist[-1])[0])
     # a window belongs to the bin of its end; a nanosecond allows for rounding of times on an edge
     end_ticks = schedule.first_tick + schedule.n_tick
-    ends = prepared.reference.t[end_ticks]
-    edges = np.arange(prepared.t_hist[0], ends[last_window] + bin_seconds, bin_seconds)
+    ends = prepared_case.reference.t[end_ticks]
+    edges = np.arange(prepared_case.t_hist[0], ends[last_window] + bin_seconds, bin_seconds)
     n_bin = edges.size - 1
     time_bins = np.searchsorted(edges, ends - 1e-9, side="right") - 1
     time_bins = np.clip(time_bins, 0, n_bin - 1)
     n_row = rows.shape[1]
-    n = n_joint(prepared)
-    back = BackwardPass(
+    n = n_joint(prepared_case)
+    backward_pass = BackwardPass(
         e=np.zeros((n_row, n)),
-        c=np.zeros((n_row, true.source.size)),
-        contribution=np.zeros((n_row, true.group.size, n_bin)),
+        c=np.zeros((n_row, components.source.size)),
+        contribution=np.zeros((n_row, components.group.size, n_bin)),
     )
-    place = np.full(prepared.t_hist.size, -1)
-    place[hist] = np.arange(len(hist))
+    row_index = np.full(prepared_case.t_hist.size, -1)
+    row_index[hist] = np.arange(len(hist))
     n_further = n - rows.shape[2]  # receiver errors and clones, which no metric has
     weights = np.pad(np.array(rows, dtype=np.float64), ((0, 0), (0, 0), (0, n_further)))
-    entering = BackwardMetrics(place, weights)
-    flight = NominalFlight(prepared.unit, prepared.reference, prepared.chain, None)
-    scratch = new_backward_scratch(prepared, true)
-    case = linear_case(prepared)
-    go_back(back, scratch, tape, true, case, flight, entering, time_bins)
-    return edges, back.contribution
+    metrics = BackwardMetrics(row_index, weights)
+    flight = NominalFlight(prepared_case.unit, prepared_case.reference, prepared_case.chain, None)
+    scratch = new_backward_scratch(prepared_case, components)
+    case = linear_case(prepared_case)
+    run_backward(backward_pass, scratch, tape, components, case, flight, metrics, time_bins)
+    return edges, backward_pass.contribution
 
 
-def _history(prepared: Prepared, out: PassResults) -> CovHistory:
+def _history(prepared_case: PreparedCase, results: PassResults) -> CovHistory:
     """Return the history of a forward pass, rotated to the reporting axes."""
-    reported = np.array(prepared.layout.reported)
-    m = prepared.layout.n_estimated
-    formal = out.formal
-    true = out.true
-    mean = out.mean
-    budget = out.budget
-    if reported.size < prepared.layout.n_state:
-        rows = reported[:, None]
-        formal = np.ascontiguousarray(formal[:, rows, reported])
-        true = np.ascontiguousarray(true[:, rows, reported])
-        mean = mean[:, reported]
-        budget = budget[:, :, reported]
+    reported_states = np.array(prepared_case.layout.reported_states)
+    m = prepared_case.layout.n_estimated
+    formal = results.formal
+    true = results.true
+    mean = results.mean
+    budget = results.budget
+    if reported_states.size < prepared_case.layout.n_state:
+        rows = reported_states[:, None]
+        formal = np.ascontiguousarray(formal[:, rows, reported_states])
+        true = np.ascontiguousarray(true[:, rows, reported_states])
+        mean = mean[:, reported_states]
+        budget = budget[:, :, reported_states]
     total = true + mean[:, :, None] * mean[:, None, :]  # second moment of the true error
     nees = expected_nees(formal[:, :m, :m], total[:, :m, :m])
-    turn = turns(prepared)
+    turn = reporting_rotations(prepared_case)
     turn_back = np.swapaxes(turn, 1, 2)
     formal = turn @ formal @ turn_back
     true = turn @ true @ turn_back
-    diagonal = range(reported.size)
+    diagonal = range(reported_states.size)
     formal_variance = formal[:, diagonal, diagonal]
     true_variance = true[:, diagonal, diagonal]
     return CovHistory(
-        t=prepared.t_hist,
-        formal=np.sqrt(formal_variance),
+        t=prepared_case.t_hist,
+        formal_sigma=np.sqrt(formal_variance),
         true_sigma=np.sqrt(np.maximum(0.0, true_variance)),
         mean=np.einsum("hij,hj->hi", turn, mean),
-        sources=source_labels(prepared),
+        sources=source_labels(prepared_case),
         budget=budget,
         formal_cov=formal,
         true_cov=true,
-        t_epoch=prepared.t_epoch,
-        n_row=out.n_row.astype(np.int32),
+        t_epoch=prepared_case.t_epoch,
+        n_row=results.n_row.astype(np.int32),
         expected_nees=nees,
-        expected_nis=out.expected_nis,
-        false_rejection=false_rejection(prepared.model.gate_squared, out.row_ratio),
-        row_ratio=out.row_ratio,
+        expected_nis=results.expected_nis,
+        false_rejection=false_rejection(prepared_case.model.gate_squared, results.expected_row_nis),
+        expected_row_nis=results.expected_row_nis,
     )

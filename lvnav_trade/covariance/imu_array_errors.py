@@ -16,9 +16,9 @@ from lvnav_trade.quantities.records import Floats, Ints
 from lvnav_trade.quantities.state_layout import StateLayout
 from lvnav_trade.simulation.epoch.joint_ticks import lasting_share, tick_input, unit_input
 from lvnav_trade.simulation.exclusion_covariance import grow
-from lvnav_trade.simulation.preparation.imu_arrays import along_axes, inputs_of
+from lvnav_trade.simulation.preparation.imu_arrays import axis_increments, inputs_of
 from lvnav_trade.simulation.preparation.imu_inputs import ImuArray
-from lvnav_trade.simulation.preparation.prepare import Prepared
+from lvnav_trade.simulation.preparation.prepare import PreparedCase
 
 # Drivers that no increment multiplies: the quantisation remainder, and white noise, new in every window.
 REMAINDER, WHITE = -1, -3
@@ -38,7 +38,7 @@ def _means(mean, units, triad, sensor, first, n_tick, seconds):
 
 
 @jit
-def unit_input_matrix(scratch, j, true, units, sums, seconds, first, n_tick):
+def unit_input_matrix(scratch, j, components, units, sums, seconds, first, n_tick):
     """Set `scratch.input` (9, 3), the sensitivity of attitude, velocity and position to block j of an IMU array.
 
     The parameters are those of `component_inputs.input_matrix`; first, n_tick : ticks of the window.
@@ -50,33 +50,33 @@ def unit_input_matrix(scratch, j, true, units, sums, seconds, first, n_tick):
             b[i, axis] = 0.0
     if seconds <= 0.0:
         return
-    sensor = true.sensor[j]
-    driver = true.driver[j]
-    triad = true.triad[j]
+    sensor = components.sensor[j]
+    driver = components.driver[j]
+    triad = components.triad[j]
     _means(mean, units, triad, sensor, first, n_tick, seconds)
     stage = units.stage[first]
     kx, ky, kz = 1.0, 1.0, 1.0  # factors by which the selection of IMUs changes random errors; 1 for profiles
-    if true.profile[j] < 0:
-        noisy = units.noisy[stage, sensor, 1 if driver == WHITE else 0]
-        kx = noisy[0]
-        ky = noisy[1]
-        kz = noisy[2]
+    if components.profile[j] < 0:
+        noise_factors = units.error_factors[stage, sensor, 1 if driver == WHITE else 0]
+        kx = noise_factors[0]
+        ky = noise_factors[1]
+        kz = noise_factors[2]
     size = 1.0
     if driver == WHITE:  # PSD: acts like a bias of variance PSD / seconds over the window
         size = 1.0 / np.sqrt(seconds)
     elif driver == REMAINDER:
         size = -1.0 / seconds
     first_state = ATT if sensor == GYRO else VEL
-    solved = units.solved[stage, triad, sensor]
+    solution_weights = units.axis_weights[stage, triad, sensor]
     gained_x = sums[SUM_V]
     gained_y = sums[SUM_V + 1]
     gained_z = sums[SUM_V + 2]
     for c in range(3):
         # error of the combined triad per unit of the component, body axes
         u = size * unit_input(units.frames[triad], c, driver, mean[0], mean[1])
-        x = kx * u * solved[0, c]
-        y = ky * u * solved[1, c]
-        z = kz * u * solved[2, c]
+        x = kx * u * solution_weights[0, c]
+        y = ky * u * solution_weights[1, c]
+        z = kz * u * solution_weights[2, c]
         for i in range(3):
             row = SUM_C + 3 * i
             b[first_state + i, c] = -(sums[row] * x + sums[row + 1] * y + sums[row + 2] * z)
@@ -96,7 +96,7 @@ def unit_input_matrix(scratch, j, true, units, sums, seconds, first, n_tick):
 
 
 @jit
-def inform_nominal(formal, units, model, first, n_tick, seconds):
+def inflate_nominal(formal, units, model, first, n_tick, seconds):
     """Inflate the formal covariance over a window for IMUs that are excluded on the nominal flight, as in a run.
 
     Parameters
@@ -114,114 +114,114 @@ def inform_nominal(formal, units, model, first, n_tick, seconds):
 @jit
 def _inflate_exclusions(formal, units, redundant, model, first, n_tick, seconds):
     if redundant is not None:
-        before, after = 0, 0  # exclusions up to the start and up to the end of the window
-        for tick in redundant.lost:
+        n_lost_before, n_lost_after = 0, 0  # exclusions up to the start and up to the end of the window
+        for tick in redundant.exclusion_ticks:
             if tick <= first:
-                before += 1
+                n_lost_before += 1
             if tick <= first + n_tick:
-                after += 1
-        if after > 0:
-            mean_after = redundant.mean[after]
-            mean_before = redundant.mean[before]
+                n_lost_after += 1
+        if n_lost_after > 0:
+            mean_after = redundant.mean[n_lost_after]
+            mean_before = redundant.mean[n_lost_before]
             grow(formal, mean_after, mean_before, 1.0, units.n_axis, redundant, model, seconds)
 
 
 @jit
-def samples_of_units(out, hist, state, true, units, samples, tick, dt):
+def write_array_samples(results, hist, state, components, units, samples, tick, dt):
     """Write the error variance of the combined samples without their noise by source: raw, and corrected by the bias.
 
     Parameters
     ----------
-    out : PassResults, updated in place
+    results : PassResults, updated in place
     hist : history time
-    state, true : JointCovariance, Components
+    state, components : JointCovariance, Components
     units : ImuArray
     samples : ReportedSamples
     tick, dt : last tick; s, of a tick
     """
-    for j in range(true.sensor.shape[0]):
-        driver = true.driver[j]
-        if true.profile[j] >= 0 or driver < 0:
+    for j in range(components.sensor.shape[0]):
+        driver = components.driver[j]
+        if components.profile[j] >= 0 or driver < 0:
             continue
-        sensor = true.sensor[j]
-        triad = true.triad[j]
+        sensor = components.sensor[j]
+        triad = components.triad[j]
         for c in range(3):
-            component = true.first[j] + c
-            source = true.source[component]
-            k = true.slot[component]
-            g = true.group[source]
-            lane = true.lane[source]
+            component = components.first[j] + c
+            source = components.source[component]
+            k = components.slot[component]
+            g = components.group[source]
+            lane = components.lane[source]
             u = tick_input(units, triad, sensor, c, driver, tick, dt)
             variance = state.variance[g, k, 0, lane]
             for i in range(3):
                 r = 3 * sensor + i
                 bias = samples.bias[r]
-                entering = lasting_share(units, tick, triad, sensor, i, c) * u
-                added = entering * entering * variance
-                out.samples[hist, source, r] += added
-                out.samples[hist, source, 6 + r] += added
+                partial = lasting_share(units, tick, triad, sensor, i, c) * u
+                variance_increase = partial * partial * variance
+                results.samples[hist, source, r] += variance_increase
+                results.samples[hist, source, 6 + r] += variance_increase
                 if bias >= 0:
                     covariance = state.cross[g, k, bias, lane]
-                    out.samples[hist, source, 6 + r] += 2.0 * entering * covariance
+                    results.samples[hist, source, 6 + r] += 2.0 * partial * covariance
 
 
 @jit
-def _add_component(out, hist, state, true, weights, component):
+def _add_component(results, hist, state, components, weights, component):
     """Add a component to the covariances of the states that model it.
 
     P <- P + w y' + y w' + variance w w', with the covariance y of states and component.
 
     Parameters
     ----------
-    out : PassResults, updated in place
+    results : PassResults, updated in place
     hist : history time
-    state, true : JointCovariance, Components
+    state, components : JointCovariance, Components
     weights : (n_state,) weights w of the component in the states
     component : index of the component
     """
-    source = true.source[component]
-    k = true.slot[component]
-    g = true.group[source]
-    lane = true.lane[source]
+    source = components.source[component]
+    k = components.slot[component]
+    g = components.group[source]
+    lane = components.lane[source]
     variance = state.variance[g, k, 0, lane]
     n = weights.shape[0]
     for i in range(n):
         weight = weights[i]
         if weight != 0.0:
             covariance = state.cross[g, k, i, lane]
-            out.budget[hist, source, i] += weight * (2.0 * covariance + weight * variance)
+            results.budget[hist, source, i] += weight * (2.0 * covariance + weight * variance)
             for j in range(n):
-                shared = weight * state.cross[g, k, j, lane]
+                covariance_term = weight * state.cross[g, k, j, lane]
                 product = weight * weights[j] * variance
-                out.true[hist, i, j] += shared
-                out.true[hist, j, i] += shared
-                out.true[hist, i, j] += product
+                results.true[hist, i, j] += covariance_term
+                results.true[hist, j, i] += covariance_term
+                results.true[hist, i, j] += product
 
 
 @jit
-def add_sums(out, hist, state, true, units, tick):
+def add_sums(results, hist, state, components, units, tick):
     """Add the sums of components that filter states model to the results at a history time.
 
     Parameters
     ----------
-    out : PassResults, updated in place
+    results : PassResults, updated in place
     hist : history time
-    state, true : JointCovariance, Components
+    state, components : JointCovariance, Components
     units : ImuArray, or None
     tick : last tick, which determines the combination of the IMUs
     """
     if units is not None:
         stage = units.stage[tick]
-        for j in range(true.sensor.shape[0]):
-            profile = true.profile[j]
+        for j in range(components.sensor.shape[0]):
+            profile = components.profile[j]
             for c in range(3):
-                weights = true.state_weight[stage, j, c]
+                weights = components.state_weight[stage, j, c]
                 if profile >= 0:
                     for i in range(weights.shape[0]):
-                        out.mean[hist, i] += weights[i] * state.profile[profile, c]
+                        results.mean[hist, i] += weights[i] * state.profile[profile, c]
                 else:
-                    component = true.first[j] + c
-                    _add_component(out, hist, state, true, weights, component)
+                    component = components.first[j] + c
+                    _add_component(results, hist, state, components, weights, component)
 
 
 def state_weights(layout: StateLayout, units: ImuArray, sensor: Ints, driver: Ints, triad: Ints) -> Floats:
@@ -239,25 +239,25 @@ def state_weights(layout: StateLayout, units: ImuArray, sensor: Ints, driver: In
     sensor, driver, triad
         (n_block,). Sensor, driver and triad of each block of components.
     """
-    weights = np.zeros((len(units.solved), sensor.size, 3, layout.n_state))
+    weights = np.zeros((len(units.axis_weights), sensor.size, 3, layout.n_state))
     for stage, j in np.ndindex(weights.shape[:2]):
         if driver[j] < CONSTANT or driver[j] == SQUARE:
             continue
         block_weights = weights[stage, j]
         frames = units.frames[triad[j]]
-        solved = units.solved[stage, triad[j], sensor[j]]
+        solution_weights = units.axis_weights[stage, triad[j], sensor[j]]
         for block in layout.parameters:
             if block.sensor != sensor[j]:
                 continue
             states = slice(block.offset, block.offset + 3)
             for c in range(3):
                 share = _modelled_share(frames[c], c, int(driver[j]), block.driver)
-                block_weights[c, states] += solved[:, c] * share
+                block_weights[c, states] += solution_weights[:, c] * share
         if driver[j] != CONSTANT:
             continue
         for pair, state in enumerate(units.pair_state.tolist()):
             if state >= 0 and units.pair_sensor[pair] == sensor[j]:
-                pair_weights = units.pair_solved[pair, triad[j]].T
+                pair_weights = units.pair_weights[pair, triad[j]].T
                 block_weights[:, state : state + 3] += pair_weights
     return weights
 
@@ -291,30 +291,30 @@ def _modelled_share(frame: Floats, c: int, driver: int, block_driver: int) -> Fl
 class Differences(NamedTuple):
     """Differences of two IMUs as measurements.
 
-    of : (n_channel,). Row of the channel in `reach`, -1 none.
-    reach : (n_row, n_epoch, n_component). Derivative of the measurement with respect to each IMU error component.
-    pair_of : (n_device,). Pair of IMUs that a sensor measures, -1 none.
+    row_index : (n_channel,). Row of the channel in `jacobian`, -1 none.
+    jacobian : (n_row, n_epoch, n_component). Derivative of the measurement with respect to each IMU error component.
+    pair_index : (n_device,). Pair of IMUs that a sensor measures, -1 none.
     nominal : (n_pair, n_epoch, 3). Difference on the nominal flight, the same in every run.
     """
 
-    of: Ints
-    reach: Floats
-    pair_of: Ints
+    row_index: Ints
+    jacobian: Floats
+    pair_index: Ints
     nominal: Floats
 
 
 def no_differences(n_channel: int, n_device: int) -> Differences:
     """Return the empty record of a case without measured differences."""
     return Differences(
-        of=np.full(n_channel, -1, dtype=np.int64),
-        reach=np.zeros((0, 0, 0)),
-        pair_of=np.full(max(1, n_device), -1, dtype=np.int64),
+        row_index=np.full(n_channel, -1, dtype=np.int64),
+        jacobian=np.zeros((0, 0, 0)),
+        pair_index=np.full(max(1, n_device), -1, dtype=np.int64),
         nominal=np.zeros((0, 0, 3)),
     )
 
 
 def differences(
-    prepared: Prepared, sensor: Ints, driver: Ints, triad: Ints, profile: Ints, first: Ints, n_component: int
+    prepared_case: PreparedCase, sensor: Ints, driver: Ints, triad: Ints, profile: Ints, first: Ints, n_component: int
 ) -> Differences:
     """Return the measured differences of two IMUs of a case.
 
@@ -323,49 +323,51 @@ def differences(
 
     Parameters
     ----------
-    prepared
+    prepared_case
         Prepared case.
     sensor, driver, triad, profile, first
         (n_block,). As in `Components`.
     n_component
         Number of IMU error components.
     """
-    units = prepared.options.units
-    channels = prepared.channels
-    dt = prepared.unit.dt
-    empty = no_differences(channels.n_channel, len(prepared.devices))
+    units = prepared_case.options.imu_array
+    channels = prepared_case.channels
+    dt = prepared_case.unit.dt
+    empty = no_differences(channels.n_channel, len(prepared_case.devices))
     if units is None or not units.pair_sensor.size:
         return empty
-    n_epoch = prepared.t_epoch.size
+    n_epoch = prepared_case.t_epoch.size
     n_pair = units.pair_sensor.size
-    increments = along_axes(units, dt)
-    reach = np.zeros((3 * n_pair, n_epoch, n_component))
+    increments = axis_increments(units, dt)
+    jacobian = np.zeros((3 * n_pair, n_epoch, n_component))
     nominal = np.zeros((n_pair, n_epoch, 3))
-    for channel, device, pair in zip(channels.first, prepared.devices, units.pair_of.tolist(), strict=True):
+    for channel, device, pair in zip(
+        channels.first_channels, prepared_case.devices, units.pair_of.tolist(), strict=True
+    ):
         if pair < 0:
             continue
         rows = slice(3 * pair, 3 * pair + 3)
-        empty.of[channel : channel + 3] = range(rows.start, rows.stop)
+        empty.row_index[channel : channel + 3] = range(rows.start, rows.stop)
         pair_sensor = int(units.pair_sensor[pair])
-        solved = units.pair_solved[pair]
+        solution_weights = units.pair_weights[pair]
         # ticks between which the increments of an epoch are summed
-        spans = np.stack([prepared.t_epoch - device.since, prepared.t_epoch])
-        ticks = np.rint((spans - prepared.unit.start) / dt)
-        difference = np.einsum("tic,tnc->ni", solved, increments[pair_sensor])
+        spans = np.stack([prepared_case.t_epoch - device.time_since_measurement, prepared_case.t_epoch])
+        ticks = np.rint((spans - prepared_case.unit.start) / dt)
+        difference = np.einsum("tic,tnc->ni", solution_weights, increments[pair_sensor])
         nominal[pair] = _epoch_sums(difference, ticks)
         is_measured = (sensor == pair_sensor) & (driver >= CONSTANT)
         for j in np.flatnonzero(is_measured).tolist():
-            triad_solved = solved[triad[j]]
+            triad_weights = solution_weights[triad[j]]
             inputs = inputs_of(units, dt, int(driver[j]), int(triad[j]), pair_sensor)
             if profile[j] >= 0:
-                errors = _profile_errors(prepared, int(profile[j])) * (inputs / dt)
-                nominal[pair] += _epoch_sums(errors, ticks) @ triad_solved.T
+                errors = _profile_errors(prepared_case, int(profile[j])) * (inputs / dt)
+                nominal[pair] += _epoch_sums(errors, ticks) @ triad_weights.T
             else:
                 first_component = int(first[j])
                 axes = slice(first_component, first_component + 3)
                 sums = _epoch_sums(inputs, ticks)
-                reach[rows, :, axes] = np.einsum("ic,ec->iec", triad_solved, sums)
-    return Differences(of=empty.of, reach=reach, pair_of=units.pair_of, nominal=nominal)
+                jacobian[rows, :, axes] = np.einsum("ic,ec->iec", triad_weights, sums)
+    return Differences(row_index=empty.row_index, jacobian=jacobian, pair_index=units.pair_of, nominal=nominal)
 
 
 def _epoch_sums(increments: Floats, ticks: Floats) -> Floats:
@@ -376,9 +378,9 @@ def _epoch_sums(increments: Floats, ticks: Floats) -> Floats:
     return np.asarray(total[last] - total[first])
 
 
-def _profile_errors(prepared: Prepared, profile: int) -> Floats:
+def _profile_errors(prepared_case: PreparedCase, profile: int) -> Floats:
     """Return the error of a deterministic profile times the tick, (n_tick, 3)."""
-    unit = prepared.unit
+    unit = prepared_case.unit
     n_tick = unit.dtheta.shape[0]
     middle = unit.start + unit.dt * (np.arange(n_tick) + 0.5)
     first = unit.profile_start[profile]

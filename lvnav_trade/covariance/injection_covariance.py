@@ -11,7 +11,7 @@ from itertools import combinations
 import numpy as np
 
 from lvnav_trade.quantities.records import INJECTION, ORBIT, Floats, InjectionLaw
-from lvnav_trade.trajectory.guided.orbit_numbers import AXIS, orbit_difference, with_apsides
+from lvnav_trade.trajectory.guided.orbit_numbers import AXIS, append_apsides, orbit_difference
 from lvnav_trade.trajectory.guided.sensitivity import InjectionSensitivity
 
 _BASE = [k for k, name in enumerate(INJECTION) if name not in ("perigee", "apogee")]
@@ -27,13 +27,13 @@ def injection_rows(derivatives: InjectionSensitivity) -> Floats:
     differences of variances.
     """
     sizes = _sizes(derivatives.target)
-    scaled = derivatives.navigation[:, _BASE] / sizes[:, None]
-    pair_sums = [scaled[:, i] + scaled[:, j] for i, j in _PAIRS]
+    scaled_sensitivity = derivatives.navigation[:, _BASE] / sizes[:, None]
+    pair_sums = [scaled_sensitivity[:, i] + scaled_sensitivity[:, j] for i, j in _PAIRS]
     sums = np.stack(pair_sums, axis=1)
     orbit = derivatives.navigation[:, : len(ORBIT)]
     knowledge = derivatives.knowledge
     execution = orbit - knowledge
-    return np.concatenate([scaled, sums, knowledge, execution], axis=1)
+    return np.concatenate([scaled_sensitivity, sums, knowledge, execution], axis=1)
 
 
 def injection_law(
@@ -106,13 +106,13 @@ def _navigation_covariance(target: Floats, variance: Floats) -> Floats:
     sizes = _sizes(target)
     covariances = base * np.outer(sizes, sizes)
     base_axes = np.eye(len(INJECTION))[_BASE]
-    from_base = with_apsides(base_axes, target).T  # (n_parameter, n)
+    from_base = append_apsides(base_axes, target).T  # (n_parameter, n)
     return np.asarray(from_base @ covariances @ from_base.T)
 
 
-def by_part(law: InjectionLaw | None) -> InjectionLaw | None:
+def merge_sources(law: InjectionLaw | None) -> InjectionLaw | None:
     """Return the law of an injection with two sources: navigation and vehicle."""
-    if law is None or law.why:
+    if law is None or law.reason:
         return law
 
     def sums(values: Floats) -> Floats:

@@ -8,12 +8,14 @@ from lvnav_trade.kernels.covariance import apply_phi, enter, predict
 from lvnav_trade.kernels.jit import jit
 from lvnav_trade.kernels.lanes import group
 from lvnav_trade.kernels.mechanisation import mechanise
-from lvnav_trade.kernels.strapdown import R, place
+from lvnav_trade.kernels.strapdown import R, set_to_truth
 from lvnav_trade.kernels.transition import EVERY_WINDOW, linearise, linearised_sums
 
 
 @jit
-def nominal_window(nominal, reference, unit, first, n_tick, algorithm, sensed, linearised=EVERY_WINDOW):
+def nominal_window(
+    nominal, reference, unit, first, n_tick, algorithm, has_sensed_increments, linearisation_code=EVERY_WINDOW
+):
     """Integrate the strapdown over a window from the true state, to get the integrals that the transition needs.
 
     Parameters
@@ -22,19 +24,19 @@ def nominal_window(nominal, reference, unit, first, n_tick, algorithm, sensed, l
     reference, unit : Reference, ImuTruth
     first, n_tick : first tick, number of ticks
     algorithm : Strapdown
-    sensed : whether the increments are those that the IMU outputs (bandwidth), if the error of the strapdown algorithm
-        is included; otherwise they are true increments
-    linearised : code of `transition.linearise`
+    has_sensed_increments : whether the increments are those that the IMU outputs (bandwidth), if the error of the
+        strapdown algorithm is included; otherwise they are true increments
+    linearisation_code : code of `transition.linearise`
     """
-    place(nominal.nav, reference, first)
-    linearise(nominal.rates, nominal.nav, linearised)
+    set_to_truth(nominal.nav, reference, first)
+    linearise(nominal.rates, nominal.nav, linearisation_code)
     increments = nominal.increments
     for k in range(n_tick):
         tick = first + k
         for axis in range(3):
             angle = reference.dtheta[tick, axis]
             velocity = reference.dvel[tick, axis]
-            if sensed and algorithm.counted:
+            if has_sensed_increments and algorithm.is_error_included:
                 angle = unit.dtheta[tick, axis]
                 velocity = unit.dvel[tick, axis]
             increments[k, axis] = angle
@@ -62,38 +64,38 @@ def _enter_over_window(P, y, b, variance, echo):
         bi = b[i]
         for j in range(N_NAV):
             covariance = y[j] + half * b[j]
-            added = bi * covariance
-            P[i, j] += added
-            P[j, i] += added
+            increase = bi * covariance
+            P[i, j] += increase
+            P[j, i] += increase
         for j in range(N_NAV, n):
-            added = bi * y[j]
-            P[i, j] += added
-            P[j, i] += added
+            increase = bi * y[j]
+            P[i, j] += increase
+            P[j, i] += increase
     for i in range(N_NAV):
         y[i] += b[i] * variance
 
 
 @jit
-def _advance_components(joint, scratch, true, length, g):
+def _advance_components(state, scratch, components, length_index, g):
     """Add the effect of the components of a group over a window, then propagate the components themselves."""
-    factors = group(true.factor[length], g)
-    noises = group(true.noise[length], g)
-    echoes = group(true.echo[length], g)
-    variances = group(joint.variance, g)
-    cross_covariances = group(joint.cross, g)
+    factors = group(components.component_decay[length_index], g)
+    noises = group(components.noise[length_index], g)
+    echoes = group(components.echo[length_index], g)
+    variances = group(state.variance, g)
+    cross_covariances = group(state.cross, g)
     b = group(scratch.b, g)
-    P = group(joint.sources, g)
-    for k in range(true.n_slot[g]):
+    P = group(state.sources, g)
+    for k in range(components.n_slot[g]):
         factor = factors[k, 0]
         echo = echoes[k, 0]
         variance = variances[k, 0]
         y = cross_covariances[k]
-        if true.has_cross[g, k]:
-            if true.moves[g, k]:
+        if components.has_cross[g, k]:
+            if components.drives_motion[g, k]:
                 _enter_over_window(P, y, b[k], variance, echo)
             for i in range(y.shape[0]):
                 y[i] = factor * y[i]
-            if true.moves[g, k]:
+            if components.drives_motion[g, k]:
                 # the new remainder enters the states with the sign opposite to that of the component
                 for i in range(N_NAV):
                     y[i] -= echo * b[k, i]
@@ -101,98 +103,98 @@ def _advance_components(joint, scratch, true, length, g):
 
 
 @jit
-def _enter_states(joint, true, b, decay, length):
+def _enter_states(state, components, b, decay, length_index):
     """Add to the error of modelled states the difference between true and modelled decay times the component.
 
     The error of such a state is component minus estimate, and the filter compensates its estimate by the same blocks,
     so propagating the error of the state covers all other effects. b (1,) is scratch.
     """
-    for c in range(true.source.shape[0]):
-        source = true.source[c]
-        k = true.slot[c]
-        for p in range(true.state_from[c], true.state_from[c + 1]):
-            state = true.states[p]
-            g = true.group[source]
-            lane = true.lane[source]
-            b[0] = true.factor[length, g, k, 0, lane] - decay[state]
-            P = joint.sources[g, ..., lane]
-            y = joint.cross[g, ..., lane]
-            variance = joint.variance[g, k, 0, lane]
-            enter(P, y[k], variance, b, state)
+    for c in range(components.source.shape[0]):
+        source = components.source[c]
+        k = components.slot[c]
+        for p in range(components.state_from[c], components.state_from[c + 1]):
+            filter_state = components.states[p]
+            g = components.group[source]
+            lane = components.lane[source]
+            b[0] = components.component_decay[length_index, g, k, 0, lane] - decay[filter_state]
+            P = state.sources[g, ..., lane]
+            y = state.cross[g, ..., lane]
+            variance = state.variance[g, k, 0, lane]
+            enter(P, y[k], variance, b, filter_state)
 
 
 @jit
-def _drive_states(joint, true, length):
+def _drive_states(state, components, length_index):
     """Add the driving noise of components to the error of the states that model them."""
-    for c in range(true.source.shape[0]):
-        source = true.source[c]
-        k = true.slot[c]
-        first_pair = true.state_from[c]
-        last_pair = true.state_from[c + 1]
-        g = true.group[source]
-        lane = true.lane[source]
-        noise = true.noise[length, g, k, 0, lane]
+    for c in range(components.source.shape[0]):
+        source = components.source[c]
+        k = components.slot[c]
+        first_pair = components.state_from[c]
+        last_pair = components.state_from[c + 1]
+        g = components.group[source]
+        lane = components.lane[source]
+        noise = components.noise[length_index, g, k, 0, lane]
         # all states that model the component get the same noise, so their errors are fully correlated by it
         for p in range(first_pair, last_pair):
-            state = true.states[p]
+            filter_state = components.states[p]
             for q in range(first_pair, last_pair):
-                joint.sources[g, state, true.states[q], lane] += noise
-            if true.has_cross[g, k]:
-                joint.cross[g, k, state, lane] += noise
+                state.sources[g, filter_state, components.states[q], lane] += noise
+            if components.has_cross[g, k]:
+                state.cross[g, k, filter_state, lane] += noise
 
 
 @jit
-def propagate_sources(joint, scratch, true, units, model, sums, schedule, w):
+def propagate_sources(state, scratch, components, units, model, sums, schedule, w):
     """Propagate the true covariance by source and the mean over window w, with the transition in `scratch.D_true`.
 
     Parameters
     ----------
-    joint : JointCovariance, updated in place
-    scratch, true : Scratch, Components
+    state : JointCovariance, updated in place
+    scratch, components : Scratch, Components
     units : ImuArray; None for one IMU
     model, schedule : FilterModel, Schedule
     sums : (18,) integrals of the strapdown over the window
     w : window
     """
-    length = schedule.length[w]
+    length_index = schedule.length_index[w]
     first = schedule.first_tick[w]
     n_tick = schedule.n_tick[w]
-    seconds = model.seconds[length]
-    decay = true.decay[length]
+    seconds = model.seconds[length_index]
+    decay = components.state_decay[length_index]
     D = scratch.D_true
-    rows = true.nav_rows
-    columns = true.nav_columns
+    rows = components.nav_rows
+    columns = components.nav_columns
     clock = model.clock
-    fill_inputs(scratch, true, units, sums, seconds, first, n_tick)
-    for g in range(true.n_slot.shape[0]):
-        P = group(joint.sources, g)
-        white = group(true.white[length], g)
+    fill_inputs(scratch, components, units, sums, seconds, first, n_tick)
+    for g in range(components.n_slot.shape[0]):
+        P = group(state.sources, g)
+        white = group(components.white_variance[length_index], g)
         predict(P, D, rows, columns, decay, white, clock, seconds)
-        cross_covariances = group(joint.cross, g)
-        for k in range(true.n_slot[g]):
-            if true.has_cross[g, k]:
+        cross_covariances = group(state.cross, g)
+        for k in range(components.n_slot[g]):
+            if components.has_cross[g, k]:
                 apply_phi(cross_covariances[k], D, rows, columns, decay, clock, seconds)
-    _enter_states(joint, true, scratch.shift[:1], decay, length)
-    for g in range(true.n_slot.shape[0]):
-        _advance_components(joint, scratch, true, length, g)
-    _drive_states(joint, true, length)
-    apply_phi(joint.mean, D, rows, columns, decay, clock, seconds)
+    _enter_states(state, components, scratch.state_effect[:1], decay, length_index)
+    for g in range(components.n_slot.shape[0]):
+        _advance_components(state, scratch, components, length_index, g)
+    _drive_states(state, components, length_index)
+    apply_phi(state.mean, D, rows, columns, decay, clock, seconds)
 
 
 @jit
 def _propagate_formal(work, D, model, schedule, w):
     """Propagate the formal covariance over window w as `filter.ekf.predict_window` does; D is set to its blocks."""
-    length = schedule.length[w]
-    seconds = model.seconds[length]
-    sums = work.held
+    length_index = schedule.length_index[w]
+    seconds = model.seconds[length_index]
+    sums = work.filter_sums
     for i in range(work.sums.shape[0]):
         sums[i] = work.sums[i]
-    linearised_sums(work.rates, sums, seconds, schedule.linearised[w])
+    linearised_sums(work.rates, sums, seconds, schedule.linearisation[w])
     x = work.nav[R]
     y = work.nav[R + 1]
     z = work.nav[R + 2]
     transition.fill(D, model.block_kinds, model.block_drivers, sums, x, y, z, seconds)
-    predict_covariance(work.P, D, sums, model, length, schedule.injection[w])
+    predict_covariance(work.P, D, sums, model, length_index, schedule.injection[w])
 
 
 @jit
@@ -210,13 +212,13 @@ def propagate(work, case, joint, flight, units, w):
     model = case.model
     schedule = case.schedule
     scratch = joint.scratch
-    true = joint.true
+    components = joint.components
     x = work.nav[R]
     y = work.nav[R + 1]
     z = work.nav[R + 2]
     _propagate_formal(work, scratch.D, model, schedule, w)
-    seconds = model.seconds[schedule.length[w]]
-    transition.fill(scratch.D_true, true.nav_kinds, true.nav_drivers, work.sums, x, y, z, seconds)
-    propagate_sources(joint.state, scratch, true, units, model, work.sums, schedule, w)
+    seconds = model.seconds[schedule.length_index[w]]
+    transition.fill(scratch.D_true, components.nav_kinds, components.nav_drivers, work.sums, x, y, z, seconds)
+    propagate_sources(joint.state, scratch, components, units, model, work.sums, schedule, w)
     advance_profiles(joint, flight.unit, units, model, work.sums, schedule, w)
     add_deviations(work.nav, joint, flight, model, schedule, w)

@@ -6,10 +6,10 @@ time of validity, and an earlier velocity error. Copies and combinations at an e
 source separately, forwards and backwards.
 """
 
-from lvnav_trade.filter.policies.delay import place_of
+from lvnav_trade.filter.policies.delay import ring_index
 from lvnav_trade.kernels.covariance import enter
 from lvnav_trade.kernels.jit import jit
-from lvnav_trade.kernels.lanes import group, like, whole
+from lvnav_trade.kernels.lanes import group, group_view, number_like
 from lvnav_trade.kernels.transition import VEL
 from lvnav_trade.simulation.epoch.joint import N_CLONE, N_NAV
 
@@ -31,7 +31,7 @@ def _multiply_states(y, work, A, first):
     """
     m = A.shape[0]
     for i in range(m):
-        total = like(y[0], 0.0)
+        total = number_like(y[0], 0.0)
         for j in range(m):
             total += A[i, j] * y[first + j]
         work[i] = total
@@ -54,7 +54,7 @@ def _multiply_covariance(P, work, A, first):
     m = A.shape[0]
     for j in range(n):
         for i in range(m):
-            total = like(P[0, 0], 0.0)
+            total = number_like(P[0, 0], 0.0)
             for k in range(m):
                 total += A[i, k] * P[first + k, j]
             work[i] = total
@@ -65,85 +65,85 @@ def _multiply_covariance(P, work, A, first):
 
 
 @jit
-def advance_solution(joint, scratch, chain, true, epoch):
+def advance_solution(joint, scratch, chain, components, epoch):
     """Propagate the receiver-error states to an epoch, in every source and in the mean.
 
     Parameters
     ----------
     joint : JointCovariance, updated in place
-    scratch, true : Scratch, Components
+    scratch, components : Scratch, Components
     chain : SolutionErrorModel of a solution, or SuccessiveErrors
     epoch : index
     """
     # s+ = A s + W w + B c + d: deterministic part d, white noise by source, correlated errors by component
-    A = chain.move[epoch]
-    W = chain.white[epoch]
-    first = true.solution
-    m = chain.move.shape[1]
-    for g in range(true.n_slot.shape[0]):
-        work = whole(scratch.y)
+    A = chain.transition[epoch]
+    W = chain.noise_input[epoch]
+    first = components.solution
+    m = chain.transition.shape[1]
+    for g in range(components.n_slot.shape[0]):
+        work = group_view(scratch.y)
         group_covariance = group(joint.sources, g)
         _multiply_covariance(group_covariance, work, A, first)
         cross_covariances = group(joint.cross, g)
-        for k in range(true.n_slot[g]):
-            if true.has_cross[g, k]:
+        for k in range(components.n_slot[g]):
+            if components.has_cross[g, k]:
                 _multiply_states(cross_covariances[k], work, A, first)
     _multiply_states(joint.mean, scratch.receiver, A, first)
     for i in range(m):
-        joint.mean[first + i] += chain.push[epoch, i]
-    for q in range(chain.kind.shape[0]):
-        source = true.solution_source[q]
-        g = true.group[source]
-        lane = true.lane[source]
+        joint.mean[first + i] += chain.deterministic_error[epoch, i]
+    for q in range(chain.noise_type.shape[0]):
+        source = components.solution_source[q]
+        g = components.group[source]
+        lane = components.lane[source]
         variance = chain.variance[epoch, q]
         P = joint.sources[g, ..., lane]
         for i in range(m):
             for j in range(m):
                 covariance = W[i, q] * variance * W[j, q]
                 P[first + i, first + j] += covariance
-    for c in range(true.first_shared, true.source.shape[0]):
-        source = true.source[c]
-        k = true.slot[c]
-        g = true.group[source]
-        lane = true.lane[source]
+    for c in range(components.first_correlated, components.source.shape[0]):
+        source = components.source[c]
+        k = components.slot[c]
+        g = components.group[source]
+        lane = components.lane[source]
         P = joint.sources[g, ..., lane]
         y = joint.cross[g, ..., lane]
         variance = joint.variance[g, k, 0, lane]
-        number = c - true.first_shared
-        partials = chain.shared[epoch, :, number]
+        number = c - components.first_correlated
+        partials = chain.correlated_input[epoch, :, number]
         enter(P, y[k], variance, partials, first)
 
 
 @jit
-def solution_back(back, work, chain, true, epoch, time_bin):
+def solution_adjoint(backward_pass, work, chain, components, epoch, time_bin):
     """Propagate the adjoint backwards through `advance_solution`, and add the contribution of its noise.
 
     Parameters
     ----------
-    back : BackwardPass, updated in place
+    backward_pass : BackwardPass, updated in place
     work : scratch
     chain : SolutionErrorModel of a solution, or SuccessiveErrors
-    true : Components
+    components : Components
     epoch : index
     time_bin : bin of the contribution
     """
-    A = chain.move[epoch]
-    white = chain.white[epoch]
-    first = true.solution
-    m = chain.move.shape[1]
-    for metric in range(back.e.shape[0]):
-        y = back.e[metric]
-        for q in range(chain.kind.shape[0]):
-            source = true.solution_source[q]
+    A = chain.transition[epoch]
+    W = chain.noise_input[epoch]
+    first = components.solution
+    m = chain.transition.shape[1]
+    for metric in range(backward_pass.e.shape[0]):
+        y = backward_pass.e[metric]
+        for q in range(chain.noise_type.shape[0]):
+            source = components.solution_source[q]
             variance = chain.variance[epoch, q]
-            through = 0.0  # lambda' w of the noise, its effect on the metric
+            sensitivity = 0.0  # lambda' w of the noise, its effect on the metric
             for i in range(m):
-                through += y[first + i] * white[i, q]
-            back.contribution[metric, source, time_bin] += through * through * variance
-        for c in range(chain.shared.shape[2]):
-            component = true.first_shared + c
+                sensitivity += y[first + i] * W[i, q]
+            backward_pass.contribution[metric, source, time_bin] += sensitivity * sensitivity * variance
+        for c in range(chain.correlated_input.shape[2]):
+            component = components.first_correlated + c
             for i in range(m):
-                back.c[metric, component] += y[first + i] * chain.shared[epoch, i, c]
+                backward_pass.c[metric, component] += y[first + i] * chain.correlated_input[epoch, i, c]
         _multiply_states(y, work, A.T, first)
 
 
@@ -163,70 +163,70 @@ def _copy_covariance(P, clone, first, n):
 
 
 @jit
-def clone_states(joint, true, clone, first, n):
+def clone_states(joint, components, clone, first, n):
     """Copy states of the joint vector, in every source and in the mean.
 
     Parameters
     ----------
     joint : JointCovariance, updated in place
-    true : Components
+    components : Components
     clone : first state that is set
     first, n : first state that is copied, number of states
     """
-    for g in range(true.n_slot.shape[0]):
+    for g in range(components.n_slot.shape[0]):
         _copy_covariance(group(joint.sources, g), clone, first, n)
         cross_covariances = group(joint.cross, g)
-        for k in range(true.n_slot[g]):
-            if true.has_cross[g, k]:
+        for k in range(components.n_slot[g]):
+            if components.has_cross[g, k]:
                 _copy_vector(cross_covariances[k], clone, first, n)
     _copy_vector(joint.mean, clone, first, n)
 
 
 @jit
-def clone_error(joint, true, late, window):
-    """Clone the navigation error at the end of a window, as `filter.policies.delay.keep` stores the state.
+def clone_error(joint, components, delays, window):
+    """Clone the navigation error at the end of a window, as `filter.policies.delay.store_state` stores the state.
 
     The error by motion within a tick is neglected; it is below a millimetre.
 
     Parameters
     ----------
     joint : JointCovariance, updated in place
-    true : Components
-    late : DelayProcessing, or None
+    components : Components
+    delays : DelayProcessing, or None
     window : index
     """
-    if late is not None:
-        for line in range(late.n_ring.shape[0]):
-            early = late.early[line, window]
-            valid = late.valid[line, window]
-            for epoch in range(early[0], early[1]):
-                clone = true.clone + N_CLONE * place_of(late, line, epoch)
-                clone_states(joint, true, clone + N_NAV, VEL, 3)
-            for epoch in range(valid[0], valid[1]):
-                clone = true.clone + N_CLONE * place_of(late, line, epoch)
-                clone_states(joint, true, clone, 0, N_NAV)
+    if delays is not None:
+        for line in range(delays.n_ring.shape[0]):
+            early_epochs = delays.velocity_epochs[line, window]
+            valid_epochs = delays.state_epochs[line, window]
+            for epoch in range(early_epochs[0], early_epochs[1]):
+                clone = components.clone + N_CLONE * ring_index(delays, line, epoch)
+                clone_states(joint, components, clone + N_NAV, VEL, 3)
+            for epoch in range(valid_epochs[0], valid_epochs[1]):
+                clone = components.clone + N_CLONE * ring_index(delays, line, epoch)
+                clone_states(joint, components, clone, 0, N_NAV)
 
 
 @jit
-def _line_back(y, true, late, line, window):
+def _delay_line_adjoint(y, components, delays, line, window):
     """Add the adjoint of the clones of a line to that of the states that they copy, and reset it.
 
     Parameters
     ----------
     y : (n,) adjoint of a metric, updated in place
-    true, late : Components, DelayProcessing
+    components, delays : Components, DelayProcessing
     line : delay line, of the receiver or of a sensor
     window : index
     """
-    early = late.early[line, window]
-    valid = late.valid[line, window]
-    for epoch in range(valid[0], valid[1]):
-        clone = true.clone + N_CLONE * place_of(late, line, epoch)
+    early_epochs = delays.velocity_epochs[line, window]
+    valid_epochs = delays.state_epochs[line, window]
+    for epoch in range(valid_epochs[0], valid_epochs[1]):
+        clone = components.clone + N_CLONE * ring_index(delays, line, epoch)
         for i in range(N_NAV):
             y[i] += y[clone + i]
             y[clone + i] = 0.0
-    for epoch in range(early[0], early[1]):
-        clone = true.clone + N_CLONE * place_of(late, line, epoch)
+    for epoch in range(early_epochs[0], early_epochs[1]):
+        clone = components.clone + N_CLONE * ring_index(delays, line, epoch)
         velocity_clone = clone + N_NAV
         for i in range(3):
             y[VEL + i] += y[velocity_clone + i]
@@ -234,16 +234,16 @@ def _line_back(y, true, late, line, window):
 
 
 @jit
-def clone_back(back, true, late, window):
+def clone_adjoint(backward_pass, components, delays, window):
     """Propagate the adjoint backwards through `clone_error`."""
-    if late is not None:
-        for m in range(back.e.shape[0]):
-            for line in range(late.n_ring.shape[0]):
-                _line_back(back.e[m], true, late, line, window)
+    if delays is not None:
+        for m in range(backward_pass.e.shape[0]):
+            for line in range(delays.n_ring.shape[0]):
+                _delay_line_adjoint(backward_pass.e[m], components, delays, line, window)
 
 
 @jit
-def complete_rows(H, late, epoch):
+def complete_rows(H, delays, epoch):
     """Set the Jacobian entries of a solution for its own error, and for the clones of an extrapolation.
 
     The innovation depends on the error of the solution with -1. An extrapolation over the delay d with the acceleration
@@ -252,7 +252,7 @@ def complete_rows(H, late, epoch):
     Parameters
     ----------
     H : (n, n_entry) Jacobian rows of the epoch; the last entries of the first six rows are set
-    late : DelayProcessing, or None
+    delays : DelayProcessing, or None
     epoch : index
     """
     solution = H.shape[1] - N_SOLUTION_ENTRY
@@ -261,9 +261,9 @@ def complete_rows(H, late, epoch):
         for j in range(6):
             H[i, solution + j] = -1.0 if i == j else 0.0
             H[i, velocity + j] = 0.0
-    if late is not None and late.extrapolated:
-        delay = late.delay[epoch]
-        slope = delay / late.base[epoch]
+    if delays is not None and delays.is_extrapolated:
+        delay = delays.delay[epoch]
+        slope = delay / delays.base[epoch]
         for i in range(3):
             H[i, velocity + i] = -delay
             H[3 + i, velocity + i] = -slope

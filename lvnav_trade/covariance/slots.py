@@ -17,9 +17,9 @@ class Component(NamedTuple):
     start : Initial variance.
     states : Filter states that model the component.
     has_cross : Whether its cross covariance with the joint states is propagated.
-    moves : Whether it drives attitude, velocity or position during propagation.
-    samples : Whether it enters IMU samples that are processed as measurements.
-    echoes : Whether its noise also enters the states with opposite sign, as a quantisation remainder does.
+    drives_motion : Whether it drives attitude, velocity or position during propagation.
+    enters_samples : Whether it enters IMU samples that are processed as measurements.
+    has_echo : Whether its noise also enters the states with opposite sign, as a quantisation remainder does.
     """
 
     source: int
@@ -28,12 +28,12 @@ class Component(NamedTuple):
     start: float
     states: tuple[int, ...] = ()
     has_cross: bool = False
-    moves: bool = False
-    samples: bool = False
-    echoes: bool = False
+    drives_motion: bool = False
+    enters_samples: bool = False
+    has_echo: bool = False
 
 
-def places_of(count: list[int]) -> tuple[Ints, Ints, Ints]:
+def assign_lanes(count: list[int]) -> tuple[Ints, Ints, Ints]:
     """Return group and lane of each source, and the number of slots of each group.
 
     count : number of components of each source. Sources with many components share groups, so few slots are unused.
@@ -52,7 +52,7 @@ def places_of(count: list[int]) -> tuple[Ints, Ints, Ints]:
     return group, lane, n_slot
 
 
-def as_lanes(values: Floats, group: Ints, lane: Ints) -> Floats:
+def arrange_lanes(values: Floats, group: Ints, lane: Ints) -> Floats:
     """Return values by source as groups of lanes, (n_group, ..., n_lane).
 
     Parameters
@@ -60,15 +60,15 @@ def as_lanes(values: Floats, group: Ints, lane: Ints) -> Floats:
     values
         (n_source, ...).
     group, lane
-        (n_source,). As from `places_of`.
+        (n_source,). As from `assign_lanes`.
     """
     n_group = int(group.max()) + 1
-    grouped = grouped_zeros((n_group, *values.shape[1:]))
-    grouped[group, ..., lane] = values
-    return grouped
+    lane_values = grouped_zeros((n_group, *values.shape[1:]))
+    lane_values[group, ..., lane] = values
+    return lane_values
 
 
-def by_length(values: Floats, group: Ints, lane: Ints) -> Floats:
+def arrange_by_length(values: Floats, group: Ints, lane: Ints) -> Floats:
     """Return values by source and window length as (n_length, n_group, ..., n_lane), aligned to a cache line.
 
     Parameters
@@ -76,9 +76,9 @@ def by_length(values: Floats, group: Ints, lane: Ints) -> Floats:
     values
         (n_source, n_length, ...).
     group, lane
-        (n_source,). As from `places_of`.
+        (n_source,). As from `assign_lanes`.
     """
-    return aligned(np.swapaxes(as_lanes(values, group, lane), 0, 1))
+    return align(np.swapaxes(arrange_lanes(values, group, lane), 0, 1))
 
 
 def slot_tables(components: list[Component], n_source: int, n_length: int) -> dict[str, Any]:
@@ -103,39 +103,39 @@ def slot_tables(components: list[Component], n_source: int, n_length: int) -> di
         count[source] += 1
         states += component.states
         state_from.append(len(states))
-    group, lane, n_slot = places_of(count)
+    group, lane, n_slot = assign_lanes(count)
     n_group = n_slot.size
-    most = max(1, int(n_slot.max(initial=0)))
-    has_cross, moves, samples = np.zeros((3, n_group, most), dtype=np.bool_)
-    factor, noise, echo = np.zeros((3, n_source, n_length, most, 1))
+    slot_count = max(1, int(n_slot.max(initial=0)))
+    has_cross, drives_motion, enters_samples = np.zeros((3, n_group, slot_count), dtype=np.bool_)
+    factor, noise, echo = np.zeros((3, n_source, n_length, slot_count, 1))
     for component, slot in zip(components, slots, strict=True):
         source = component.source
         g = group[source]
         factor[source, :, slot, 0] = component.factor
         noise[source, :, slot, 0] = component.noise
-        echo[source, :, slot, 0] = component.noise * component.echoes
+        echo[source, :, slot, 0] = component.noise * component.has_echo
         has_cross[g, slot] |= component.has_cross
-        moves[g, slot] |= component.moves
-        samples[g, slot] |= component.samples
+        drives_motion[g, slot] |= component.drives_motion
+        enters_samples[g, slot] |= component.enters_samples
     return {
         "group": group,
         "lane": lane,
         "n_slot": n_slot,
         "has_cross": has_cross,
-        "moves": moves,
-        "samples": samples,
-        "factor": by_length(factor, group, lane),
-        "noise": by_length(noise, group, lane),
-        "echo": by_length(echo, group, lane),
+        "drives_motion": drives_motion,
+        "enters_samples": enters_samples,
+        "component_decay": arrange_by_length(factor, group, lane),
+        "noise": arrange_by_length(noise, group, lane),
+        "echo": arrange_by_length(echo, group, lane),
         "slot": np.array(slots, dtype=np.int64),
         "source": np.array([component.source for component in components], dtype=np.int64),
         "states": np.array(states, dtype=np.int64),
         "state_from": np.array(state_from, dtype=np.int64),
-        "start": np.array([component.start for component in components], dtype=float),
+        "initial_variance": np.array([component.start for component in components], dtype=float),
     }
 
 
-def aligned(values: Floats) -> Floats:
+def align(values: Floats) -> Floats:
     """Return a copy of the values that is aligned to a cache line."""
     copy = grouped_zeros(values.shape[:-1])
     copy[:] = values

@@ -1,4 +1,4 @@
-"""C code of a filter: `exported` returns the header, the source and the inputs."""
+"""C code of a filter: `translate_filter` returns the header, the source and the inputs."""
 
 from __future__ import annotations
 
@@ -14,59 +14,59 @@ from lvnav_trade.export.translation.program import Program
 from lvnav_trade.export.translation.values import DOUBLE, INT, Array, RecordValue, Scalar, Value, size_of
 from lvnav_trade.quantities.errors import InputError
 from lvnav_trade.quantities.state_layout import state_names
-from lvnav_trade.simulation.preparation.prepare import Prepared
+from lvnav_trade.simulation.preparation.prepare import PreparedCase
 
 NAME = "nav_filter"
 # Comments on the fields of the struct that are measured and estimated; the others are work arrays.
 MEASURED = {
-    "increments": "of every tick of the window: angles (rad) and velocities (m/s), body axes; changed by propagate",
-    "solution": "of the receiver: position (m) and velocity (m/s), inertial frame",
-    "ranges": "of every slot of the epoch: pseudorange (m), range rate (m/s), further observables",
-    "rx_covariance": "that the receiver reports with its solution, SI",
-    "observed": "by the other sensors, in the order of the scenario, SI",
+    "increments": "angle (rad) and velocity (m/s) increments of every tick, body axes; propagate changes them",
+    "solution": "position (m) and velocity (m/s) of the receiver's solution, inertial frame",
+    "ranges": "measurements of every slot at the epoch: pseudorange (m), range rate (m/s), further observables",
+    "receiver_covariance": "covariance that the receiver reports with its solution, SI",
+    "sensor_measurements": "measurements of the other sensors, in the order of the scenario, SI",
 }
 ESTIMATED = {
     "nav": "quaternion body to inertial, velocity (m/s), position (m), inertial frame",
     "P": "covariance of the states, SI",
-    "x": "error state, truth minus estimate: between epochs zero in a closed loop",
-    "par": "estimated parameters of the inertial unit, body axes, SI",
-    "clock_hat": "estimated bias (m) and drift (m/s) of the receiver's clock",
+    "x": "error state, truth minus estimate; zero between epochs in a closed loop",
+    "par": "estimated IMU parameters, body axes, SI",
+    "clock_hat": "estimated bias (m) and drift (m/s) of the receiver clock",
     "extra": "estimates of the extra states, SI",
-    "innovation": "of the last epoch by channel, over their own sigma; NAN: none",
-    "nis": "sum of squares of those that were accepted",
-    "n_row": "how many were accepted",
-    "n_reject": "how many the gate rejected",
-    "watch_state": "mode, good samples in a row, s since the start, s since the last epoch without error, reason",
-    "backup_nav": "of the strapdown that is never corrected, as nav",
-    "backup_P": "covariance of its error, as P",
+    "innovation": "innovations of the last epoch by channel, normalised by their sigma; NAN: no measurement",
+    "nis": "sum of squared normalised innovations of the accepted measurements",
+    "n_row": "number of accepted measurements",
+    "n_reject": "number of measurements that the gate rejected",
+    "mode_state_state": "mode, good samples in a row, s since the start, s since the last error-free epoch, reason",
+    "backup_nav": "backup strapdown, which is never corrected, as nav",
+    "backup_P": "covariance of the error of the backup strapdown, as P",
 }
 INPUTS = {
-    "first_tick": "number of the window's first tick of the unit, from 0",
-    "n_tick": "how many ticks the window has",
-    "length": "which of the filter's lengths of a window it has",
-    "injection": "which change of operating region is at its end, -1 none",
-    "linearised": "where the transition is linearised: 0 this window, 1 as before, 2 at its start, 3 at the first",
-    "late_valid": "first epoch whose measurement is valid at the window's end, and the one after the last",
-    "late_early": "the same of the epochs whose velocity a while before is then",
-    "vehicle_walk": "variance of the step of each state of the vehicle into a tick, at its number modulo the places",
-    "n_used": "how many satellites are used",
-    "used": "satellite in every slot",
-    "antenna": "that receives a satellite",
-    "satellite": "its position when it sent (m), inertial frame",
-    "satellite_velocity": "its derivative by the time of reception (m/s)",
-    "variance": "of a channel's noise as the filter assumes it, SI",
-    "scale": "root of the factor of tuning on the variance of a channel",
-    "beta": "under-weighting of a channel",
-    "partial": "derivative of a channel by the extra states that enter it",
-    "reference": "slot of the satellite that others are differenced with, -1 none",
-    "sensors_on": "whether a sensor measures",
-    "sensors_known": "what the filter knows of a sensor at the epoch",
-    "sensors_theta": "angle of the Earth (rad)",
-    "late_delay": "by which the receiver is late (s)",
-    "late_base": "from the velocity before to the time of validity (s)",
-    "rules_good": "whether the receiver's sample passes the checks at the input",
-    "delayed_present": "whether a channel is measured",
-    "delayed_renewed": "variance that an extra state begins anew with, -1 where it does not",
+    "first_tick": "number of the first IMU tick of the window, from 0",
+    "n_tick": "number of IMU ticks in the window",
+    "length_index": "index of the window's length among the lengths of the filter's windows",
+    "injection": "index of the change of operating region at the end of the window, -1 none",
+    "linearisation": "where the transition is linearised: 0 this window, 1 as before, 2 at its start, 3 at the first",
+    "delay_processing_state_epochs": "first epoch with a measurement valid at the window's end; epoch after the last",
+    "delay_processing_velocity_epochs": "the same for the earlier velocity from which the acceleration follows",
+    "vehicle_walk": "variance of the step of each vehicle state into a tick, at the tick's number modulo the places",
+    "n_used": "number of satellites in use",
+    "satellite_by_slot": "satellite in every slot",
+    "antenna": "antenna that receives a satellite",
+    "satellite_position": "position of a satellite at transmission (m), inertial frame",
+    "satellite_velocity": "derivative of that position by the time of reception (m/s)",
+    "variance": "noise variance of a channel in the filter model, SI",
+    "scale": "square root of the tuning factor on the variance of a channel",
+    "beta": "under-weighting factor of a channel",
+    "partial": "derivative of a channel's measurement by the extra states in it",
+    "reference": "slot of the reference satellite of differences, -1 none",
+    "sensors_is_measuring": "whether a sensor measures",
+    "sensors_filter_parameters": "parameters of a sensor that the filter knows at the epoch",
+    "sensors_theta": "Earth rotation angle (rad)",
+    "delay_processing_delay": "delay of the receiver's measurement (s)",
+    "delay_processing_base": "time from the earlier velocity to the time of validity (s)",
+    "rules_is_good": "whether the receiver's sample passes the input checks",
+    "differences_is_present": "whether a channel has a measurement",
+    "differences_reset_variance": "variance to which an extra state is reset, -1: no reset",
 }
 _OPENED = f"void {NAME}_begin(struct {NAME} *self, const double *nav)\n{{\n"
 _HELPERS = {
@@ -89,12 +89,12 @@ class FilterProgram(NamedTuple):
     counts_epochs: bool  # whether update has the number of the epoch as argument
 
 
-def exported(prepared: Prepared, title: str) -> FilterProgram:
+def translate_filter(prepared_case: PreparedCase, title: str) -> FilterProgram:
     """Return the C code of the filter of a case.
 
     Parameters
     ----------
-    prepared : Prepared
+    prepared_case : PreparedCase
         The prepared scenario.
     title : str
         Title in the header.
@@ -109,15 +109,15 @@ def exported(prepared: Prepared, title: str) -> FilterProgram:
     InputError
         Redundant IMUs are tested ahead of the filter, or the filter refers to more than one earlier epoch.
     """
-    refuse_redundant_imus(prepared)
+    refuse_redundant_imus(prepared_case)
     for depth in (1, 2):
         program = Program(NAME)
-        storage = Storage(prepared, program, depth)
+        storage = Storage(prepared_case, program, depth)
         try:
             names = _translate_entries(program, storage)
         except RingTooShort:
             continue
-        return _filter_program(program, storage, names, title, prepared)
+        return _filter_program(program, storage, names, title, prepared_case)
     raise InputError("the filter uses states more than one epoch old")
 
 
@@ -126,24 +126,24 @@ def _translate_entries(program: Program, storage: Storage) -> list[str]:
     nav = Array("nav", (10,), DOUBLE, constant=True)
     window = Scalar("window", INT)
     epoch = Scalar("epoch", INT)
-    common: dict[str, Value] = {"work": storage.work, "parts": storage.parts}
+    common: dict[str, Value] = {"work": storage.work, "optional_state": storage.optional_state}
     arguments: dict[str, dict[str, Value]] = {
         "begin": {**common, "options": storage.options, "start": storage.start, "nav": nav},
         "propagate": {**common, "case": storage.case, "window": window},
         "update": {**common, "case": storage.case, "epoch": epoch},
     }
-    if isinstance(storage.parts.fields["open_loop"], RecordValue):
+    if isinstance(storage.optional_state.fields["open_loop"], RecordValue):
         arguments["correct_outputs"] = {**common, "model": storage.model}
         arguments["restore_outputs"] = {**common, "model": storage.model}
     names = []
     for entry, entry_arguments in arguments.items():
-        kernel = program.translated(getattr(entries, entry), entry_arguments, f"{NAME}_{entry}")
+        kernel = program.translated_kernel(getattr(entries, entry), entry_arguments, f"{NAME}_{entry}")
         names.append(kernel.name)
     return names
 
 
 def _filter_program(
-    program: Program, storage: Storage, names: list[str], title: str, prepared: Prepared
+    program: Program, storage: Storage, names: list[str], title: str, prepared_case: PreparedCase
 ) -> FilterProgram:
     """Return the header and source of a filter whose entry functions are translated.
 
@@ -157,7 +157,7 @@ def _filter_program(
         C names of the entry functions, `update` third.
     title : str
         Title in the comments of both files.
-    prepared : Prepared
+    prepared_case : PreparedCase
         Prepared scenario, for the names of the states.
     """
     code = program.text(names)
@@ -170,7 +170,7 @@ def _filter_program(
     prototypes = [_prototype(code, name) for name in names]
     include = f'/* {title} */\n\n#include <math.h>\n#include <string.h>\n\n#include "{NAME}.h"'
     return FilterProgram(
-        header=_header(title, prepared, state, inputs, prototypes, storage.depth),
+        header=_header(title, prepared_case, state, inputs, prototypes, storage.depth),
         source="\n\n".join([include, *_helper_functions(code), code]),
         inputs=inputs,
         state=state,
@@ -197,7 +197,7 @@ def _prototype(code: str, name: str) -> str:
 
 def _declaration(array: Array, name: str) -> str:
     sizes = "".join(f"[{size_of(size)}]" for size in array.sizes)
-    return f"{array.kind} {name}{sizes};"
+    return f"{array.c_type} {name}{sizes};"
 
 
 def _field_line(array: Array, name: str, comment: str) -> str:
@@ -226,14 +226,14 @@ def _struct(label: str, fields: dict[str, tuple[Array, Any, int]], comment: str)
     return [*lines, "};", ""]
 
 
-def _header(title: str, prepared: Prepared, state: Any, inputs: Any, prototypes: list[str], depth: int) -> str:
+def _header(title: str, prepared_case: PreparedCase, state: Any, inputs: Any, prototypes: list[str], depth: int) -> str:
     """Return the text of the header: states, structs, prototypes.
 
     Parameters
     ----------
     title : str
         First line of the comment at the top.
-    prepared : Prepared
+    prepared_case : PreparedCase
         Prepared scenario, for the names of the states.
     state : dict
         Arrays of the struct of the filter by name.
@@ -249,7 +249,7 @@ def _header(title: str, prepared: Prepared, state: Any, inputs: Any, prototypes:
         f"/* {title}",
         "",
         "   States of P and x (SI; attitude, velocity and position in the inertial frame):",
-        *(f"   {number:2d} {name}" for number, name in enumerate(state_names(prepared.layout))),
+        *(f"   {number:2d} {name}" for number, name in enumerate(state_names(prepared_case.layout))),
         "   */",
         f"#ifndef {NAME.upper()}_H",
         f"#define {NAME.upper()}_H",
@@ -264,7 +264,7 @@ def _header(title: str, prepared: Prepared, state: Any, inputs: Any, prototypes:
     ]
     wrapped_lines: list[str] = []
     for line in lines:
-        wrapped_lines += _wrapped(line)
+        wrapped_lines += _wrap_line(line)
     return "\n".join(wrapped_lines) + "\n"
 
 
@@ -281,7 +281,7 @@ def _filter_struct(state: Any, inputs: Any) -> list[str]:
     return [*lines, "};"]
 
 
-def _wrapped(line: str) -> list[str]:
+def _wrap_line(line: str) -> list[str]:
     if len(line) <= 118 or "\n" in line:
         return [line]
     return textwrap.wrap(line, 118, subsequent_indent="        ") or [""]

@@ -27,14 +27,14 @@ class FilterCode(NamedTuple):
     """The filter of a case as C.
 
     files : Content of the files by name.
-    replayed : Run, estimate, number of times compared, and largest difference, relative to the magnitude of the
+    differences : Run, estimate, number of times compared, and largest difference, relative to the magnitude of the
         estimate (in sigmas for `sigmas`); None if this machine has no C compiler.
     compiler : C compiler of this machine; empty if there is none.
     agrees : Whether every difference is within the tolerance.
     """
 
     files: dict[str, bytes | str]
-    replayed: pd.DataFrame | None
+    differences: pd.DataFrame | None
     compiler: str
     agrees: bool
 
@@ -46,8 +46,8 @@ class FilterCode(NamedTuple):
 
 def compiler_of_machine() -> str:
     """Return the C compiler of this machine: from the variable CC, or else cc, gcc or clang; empty if there is none."""
-    chosen = os.environ.get("CC")
-    for name in [chosen] if chosen else ["cc", "gcc", "clang"]:
+    preferred_compiler = os.environ.get("CC")
+    for name in [preferred_compiler] if preferred_compiler else ["cc", "gcc", "clang"]:
         path = shutil.which(name)
         if path:
             return path
@@ -73,28 +73,28 @@ def filter_code(campaign: Campaign, case: Case, runs: int, progress: Callable[[s
     InputError
         The case has no filter that can be exported, a kernel cannot be translated, or the compiler fails.
     """
-    from lvnav_trade.export.code import NAME, exported
+    from lvnav_trade.export.code import NAME, translate_filter
     from lvnav_trade.export.program_replay import flight_bytes, replay_text, run_bytes
     from lvnav_trade.export.translation.values import TranslationError
     from lvnav_trade.simulation.preparation.prepare import prepare
 
     if runs < 0:
         raise InputError(f"--runs {runs}: should be 0 or more")
-    prepared = prepare(case.scenario)
+    prepared_case = prepare(case.scenario)
     words = f"Filter of the campaign {campaign.name}, case {case.label} ({case.id})."
     title = " ".join(words.replace("*/", "* /").replace("/*", "/ *").split())
     try:
-        code = exported(prepared, title)
+        code = translate_filter(prepared_case, title)
     except TranslationError as error:
         raise InputError(f"the filter of this case cannot be translated to C: {error}") from None
     files: dict[str, bytes | str] = {f"{NAME}.h": code.header, f"{NAME}.c": code.source}
     files["README.md"] = _readme(_MARKUP.sub(r"\\\g<0>", title), code.open_loop, code.counts_epochs, runs)
     if runs:
-        files["replay.c"] = replay_text(code, prepared.layout.n_state)
-        files["flight.bin"] = flight_bytes(prepared, code)
+        files["replay.c"] = replay_text(code, prepared_case.layout.n_state)
+        files["flight.bin"] = flight_bytes(prepared_case, code)
     for run in range(runs):
         progress(f"run {run + 1} of {runs}")
-        files[f"run_{run}.bin"] = run_bytes(prepared, code, campaign.seed, run)
+        files[f"run_{run}.bin"] = run_bytes(prepared_case, code, campaign.seed, run)
     compiler = compiler_of_machine()
     if not runs or not compiler:
         return FilterCode(files, None, compiler, True)

@@ -10,18 +10,23 @@ import numpy as np
 from lvnav_trade.export.code import NAME, FilterProgram
 from lvnav_trade.export.storage import BY_TICK
 from lvnav_trade.export.translation.values import INT, ONLY, Array, size_of
-from lvnav_trade.simulation.montecarlo import taped
-from lvnav_trade.simulation.preparation.prepare import Prepared
+from lvnav_trade.simulation.montecarlo import record_run
+from lvnav_trade.simulation.preparation.prepare import PreparedCase
 
 LIMIT = 1e-9
 """Largest difference of a replay from the runs, relative to the magnitude of the state."""
 # Names of fields in the recorded run, by their name in the struct.
-_MEASURED = {"ranges": "ranges", "solution": "solution", "rx_covariance": "covariance", "observed": "observed"}
+_MEASURED = {
+    "ranges": "ranges",
+    "solution": "solution",
+    "receiver_covariance": "covariance",
+    "sensor_measurements": "sensor_measurements",
+}
 _COMPARED = {"nav": "nav", "x": "x", "par": "par", "clock_hat": "clock", "extra": "extra"}
 _END = -1  # index of the estimates at the end of a run
 
 
-def flight_bytes(prepared: Prepared, made: FilterProgram) -> bytes:
+def flight_bytes(prepared_case: PreparedCase, program: FilterProgram) -> bytes:
     """Return the inputs of a filter in every window and epoch, which are equal in all runs, as bytes of doubles.
 
     The first number is the number of windows. Each window has its number of ticks, the number of its epoch (negative
@@ -29,31 +34,31 @@ def flight_bytes(prepared: Prepared, made: FilterProgram) -> bytes:
 
     Parameters
     ----------
-    prepared : Prepared
+    prepared_case : PreparedCase
         The prepared scenario.
-    made : FilterProgram
+    program : FilterProgram
         C code of its filter, which determines the inputs.
     """
-    schedule = prepared.schedule
+    schedule = prepared_case.schedule
     values: list[Any] = [schedule.n_tick.size]
     for w, epoch in enumerate(schedule.epoch):
-        values += [schedule.n_tick[w], epoch, _is_compared(prepared, w)]
-        for _, value, axis in made.inputs["window"].values():
-            values.append(_window_values(prepared, w, value, axis))
+        values += [schedule.n_tick[w], epoch, _is_compared(prepared_case, w)]
+        for _, value, axis in program.inputs["window"].values():
+            values.append(_window_values(prepared_case, w, value, axis))
         if epoch >= 0:
-            for _, value, axis in made.inputs["epoch"].values():
+            for _, value, axis in program.inputs["epoch"].values():
                 values.append(np.take(value, epoch, axis=axis))
     return _bytes(values)
 
 
-def _window_values(prepared: Prepared, w: int, value: Any, axis: int) -> Any:
+def _window_values(prepared_case: PreparedCase, w: int, value: Any, axis: int) -> Any:
     """Return the values of a field in a window.
 
     A field by tick gives the number of the first tick, followed by the values of the ticks.
 
     Parameters
     ----------
-    prepared : Prepared
+    prepared_case : PreparedCase
         The prepared scenario.
     w : int
         Number of the window, from 0.
@@ -64,12 +69,12 @@ def _window_values(prepared: Prepared, w: int, value: Any, axis: int) -> Any:
     """
     if axis != BY_TICK:
         return np.take(value, w, axis=axis)
-    first = prepared.schedule.first_tick[w]
-    last = first + prepared.schedule.n_tick[w]
+    first = prepared_case.schedule.first_tick[w]
+    last = first + prepared_case.schedule.n_tick[w]
     return np.concatenate([[float(first)], np.ravel(value[first:last])])
 
 
-def run_bytes(prepared: Prepared, made: FilterProgram, seed: int, run: int) -> bytes:
+def run_bytes(prepared_case: PreparedCase, program: FilterProgram, seed: int, run: int) -> bytes:
     """Return increments, measurements and estimates of a recorded run as bytes of doubles.
 
     After the initial state, each window has its increments, the measurements of its epoch, and, where estimates are
@@ -77,28 +82,28 @@ def run_bytes(prepared: Prepared, made: FilterProgram, seed: int, run: int) -> b
 
     Parameters
     ----------
-    prepared : Prepared
+    prepared_case : PreparedCase
         The prepared scenario.
-    made : FilterProgram
+    program : FilterProgram
         C code of its filter, which determines the recorded arrays.
     seed : int
         Seed of the campaign.
     run : int
         Number of the run, from 0.
     """
-    tape = taped(prepared, seed, run).tape
-    schedule = prepared.schedule
+    tape = record_run(prepared_case, seed, run).tape
+    schedule = prepared_case.schedule
     values: list[Any] = [tape.start]
     for w, epoch in enumerate(schedule.epoch):
         first = schedule.first_tick[w]
         last = first + schedule.n_tick[w]
         values.append(tape.increments[first:last])
         if epoch >= 0:
-            values += [getattr(tape, _MEASURED[name])[epoch] for name in _measured(made)]
-        if _is_compared(prepared, w):
+            values += [getattr(tape, _MEASURED[name])[epoch] for name in _measurement_names(program)]
+        if _is_compared(prepared_case, w):
             index = epoch if epoch >= 0 else _END
-            values += [getattr(tape.after, _COMPARED[name])[index] for name in _compared(made)]
-            values.append(np.diagonal(tape.after.P[index]))
+            values += [getattr(tape.estimates_after, _COMPARED[name])[index] for name in _estimate_names(program)]
+            values.append(np.diagonal(tape.estimates_after.P[index]))
     return _bytes(values)
 
 
@@ -107,19 +112,19 @@ def _bytes(values: list[Any]) -> bytes:
     return np.concatenate(flat_values).tobytes()
 
 
-def _is_compared(prepared: Prepared, w: int) -> bool:
+def _is_compared(prepared_case: PreparedCase, w: int) -> bool:
     """Return whether estimates are compared after a window: at each epoch, and at the end."""
-    return bool(prepared.schedule.epoch[w] >= 0 or w == prepared.schedule.n_tick.size - 1)
+    return bool(prepared_case.schedule.epoch[w] >= 0 or w == prepared_case.schedule.n_tick.size - 1)
 
 
-def _measured(made: FilterProgram) -> list[str]:
+def _measurement_names(program: FilterProgram) -> list[str]:
     """Return the fields of the struct that receive measurements."""
-    return [name for name in _MEASURED if name in made.state]
+    return [name for name in _MEASURED if name in program.state]
 
 
-def _compared(made: FilterProgram) -> list[str]:
+def _estimate_names(program: FilterProgram) -> list[str]:
     """Return the fields of the struct that are compared with the simulation."""
-    return [name for name in _COMPARED if name in made.state]
+    return [name for name in _COMPARED if name in program.state]
 
 
 def _reading(array: Array, place: str, file: str, depth: int) -> list[str]:
@@ -147,7 +152,7 @@ def _reading(array: Array, place: str, file: str, depth: int) -> list[str]:
         name = f"i{axis}"
         lines.append(f"{_STEP * len(lines)}for (int {name} = 0; {name} < {size_of(size)}; {name}++)")
         text += f"[{name}]"
-    cast = "(int)" if array.kind == INT else ""
+    cast = "(int)" if array.c_type == INT else ""
     lines.append(f"{_STEP * len(lines)}{text} = {cast}next({file});")
     return lines
 
@@ -190,7 +195,7 @@ def _read_into(
     return "\n".join(f"{_STEP * level}{line}" for line in lines)
 
 
-def replay_text(made: FilterProgram, n_state: int) -> str:
+def replay_text(program: FilterProgram, n_state: int) -> str:
     """Return the C program that replays runs: `replay flight.bin run_0.bin run_1.bin ...`.
 
     For each run it prints the largest difference of every estimate, relative to the magnitude of its block, and the
@@ -198,16 +203,16 @@ def replay_text(made: FilterProgram, n_state: int) -> str:
 
     Parameters
     ----------
-    made : FilterProgram
+    program : FilterProgram
         C code of the filter.
     n_state : int
         Number of states of the filter.
     """
-    windows = {name: array for name, (array, _, _) in made.inputs["window"].items()}
-    epochs = {name: array for name, (array, _, _) in made.inputs["epoch"].items()}
-    ticks = {name for name, (_, _, axis) in made.inputs["window"].items() if axis == BY_TICK}
-    measured = {name: made.state[name] for name in _measured(made)}
-    blocks = _compared_blocks(made)
+    windows = {name: array for name, (array, _, _) in program.inputs["window"].items()}
+    epochs = {name: array for name, (array, _, _) in program.inputs["epoch"].items()}
+    ticks = {name for name, (_, _, axis) in program.inputs["window"].items() if axis == BY_TICK}
+    measurement_arrays = {name: program.state[name] for name in _measurement_names(program)}
+    blocks = _estimate_blocks(program)
     comparisons = []
     for number, (label, text, first, count) in enumerate(blocks):
         first_state = _SIGMAS.get(label, "-1")
@@ -220,23 +225,23 @@ def replay_text(made: FilterProgram, n_state: int) -> str:
         n_state=n_state,
         n_block=len(blocks) + 1,
         labels=", ".join(f'"{label}"' for label, *_ in blocks),
-        window=_read_into(windows, "self.window.", "flight", made.depth, 2, ticks),
-        epoch=_read_into(epochs, "self.epoch.", "flight", made.depth, 3),
-        measured=_read_into(measured, "self.", "file", made.depth, 3),
+        window=_read_into(windows, "self.window.", "flight", program.depth, 2, ticks),
+        epoch=_read_into(epochs, "self.epoch.", "flight", program.depth, 3),
+        measured=_read_into(measurement_arrays, "self.", "file", program.depth, 3),
         compared="\n".join(comparisons),
-        epoch_argument=", epoch" if made.counts_epochs else "",
+        epoch_argument=", epoch" if program.counts_epochs else "",
     )
 
 
-def _compared_blocks(made: FilterProgram) -> list[tuple[str, str, int, int]]:
+def _estimate_blocks(program: FilterProgram) -> list[tuple[str, str, int, int]]:
     """Return label, array in C, first element and number of elements of every block of estimates."""
     blocks = [
         ("attitude", "self.nav", 0, 4),
         ("velocity", "self.nav", 4, 3),
         ("position", "self.nav", 7, 3),
     ]
-    for name in _compared(made)[1:]:
-        sizes = [size_of(size) for size in made.state[name].sizes]
+    for name in _estimate_names(program)[1:]:
+        sizes = [size_of(size) for size in program.state[name].sizes]
         blocks.append((name, f"(const double *)self.{name}", 0, int(np.prod(sizes))))
     return blocks
 

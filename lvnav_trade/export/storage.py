@@ -13,16 +13,16 @@ import numpy as np
 from lvnav_trade.export.translation.program import Program
 from lvnav_trade.export.translation.values import DOUBLE, INT, ONLY, SAME, Array, Constant, RecordValue, Value, table_of
 from lvnav_trade.simulation.epoch.filter_case import case_of
-from lvnav_trade.simulation.preparation.prepare import Prepared
+from lvnav_trade.simulation.preparation.prepare import PreparedCase
 from lvnav_trade.simulation.run_arrays import new_work
 
 # Time axes (epochs or windows) of the arrays read from signals, sensors and options.
 EPOCHS = {
     "signals": {
-        "used": 0,
+        "satellite_by_slot": 0,
         "n_used": 0,
         "antenna": 0,
-        "satellite": 0,
+        "satellite_position": 0,
         "satellite_velocity": 0,
         "variance": 0,
         "scale": 0,
@@ -30,33 +30,54 @@ EPOCHS = {
         "partial": 1,
         "reference": 0,
     },
-    "sensors": {"on": 1, "known": 1, "theta": 1},
-    "late": {"delay": 0, "base": 0},
-    "rules": {"good": 0},
-    "delayed": {"present": 0, "renewed": 0},
+    "sensors": {"is_measuring": 1, "filter_parameters": 1, "theta": 1},
+    "delay_processing": {"delay": 0, "base": 0},
+    "rules": {"is_good": 0},
+    "differences": {"is_present": 0, "reset_variance": 0},
 }
 WINDOWS = {
-    "schedule": {"first_tick": 0, "n_tick": 0, "length": 0, "injection": 0, "linearised": 0},
-    "late": {"valid": 1, "early": 1},
+    "schedule": {"first_tick": 0, "n_tick": 0, "length_index": 0, "injection": 0, "linearisation": 0},
+    "delay_processing": {"state_epochs": 1, "velocity_epochs": 1},
 }
 # Tables of the whole flight: constants if all rows are equal, otherwise read by row number.
 ROWS = {
-    "model": {"seconds": 0, "decay": 0, "noise": 0, "inflation": 0, "growth": 0},
-    "late": {"offset": 1},
+    "model": {"seconds": 0, "decay": 0, "noise": 0, "inflation": 0, "h_infinity_weight": 0},
+    "delay_processing": {"offset": 1},
     "gains": {"gain": 0},
 }
 # Indexed by ticks of the IMU: the caller sets the values of a window before it is propagated.
 TICKS = {"vehicle": {"walk"}}
 BY_TICK = -1  # in place of a time axis
 # Outputs of a receiver, sensor or clock at an epoch: inputs in any case, even if they are constant on this flight.
-SAID = {"used", "n_used", "satellite", "satellite_velocity", "on", "known", "theta", "good", "present", "renewed"}
-COUNTED = {
+DEVICE_OUTPUTS = {
+    "satellite_by_slot",
+    "n_used",
+    "satellite_position",
+    "satellite_velocity",
+    "is_measuring",
+    "filter_parameters",
+    "theta",
+    "is_good",
+    "is_present",
+    "reset_variance",
+}
+# Arrays of a run, by record, whose first axis counts epochs.
+EPOCH_ARRAYS = {
     "work": ("innovation", "nis", "n_row", "n_reject"),
     "mode_state": ("mode", "reason"),
-    "monitor": ("isolated", "excluded"),
+    "monitor": ("fault_type", "is_excluded"),
 }
 # True quantities of a flight, which are not part of its filter.
 _UNREAD = ("rate", "force")
+# Options of which the filter reads nothing.
+_UNREAD_OPTIONS = {
+    "reported_samples",
+    "reported_solution",
+    "solver",
+    "further_observables",
+    "backup",
+    "has_transition_errors",
+}
 
 
 def _c_type(array: np.ndarray) -> str:
@@ -68,7 +89,7 @@ class Storage:
 
     Parameters
     ----------
-    prepared : Prepared
+    prepared_case : PreparedCase
         The prepared scenario.
     program : Program
         Receives the constant tables.
@@ -86,25 +107,25 @@ class Storage:
         Largest number of IMU ticks in a window.
     """
 
-    def __init__(self, prepared: Prepared, program: Program, depth: int = 1) -> None:
+    def __init__(self, prepared_case: PreparedCase, program: Program, depth: int = 1) -> None:
         self.program, self.depth = program, depth
         self.state: dict[str, Array] = {}
         self.inputs: dict[str, dict[str, tuple[Array, Any, int]]] = {"window": {}, "epoch": {}}
-        self.n_tick = int(prepared.schedule.n_tick.max(initial=0))
-        work, parts = new_work(prepared, lanes=False)
+        self.n_tick = int(prepared_case.schedule.n_tick.max(initial=0))
+        work, optional_state = new_work(prepared_case, uses_lanes=False)
         self.work = self._arrays("work", work, "")
-        part_values = {name: self._part(name, record) for name, record in parts._asdict().items()}
-        self.parts = RecordValue("parts", part_values)
-        self.model = self._record("model", prepared.model)
-        self.schedule = self._record("schedule", prepared.schedule)
-        self.signals = self._record("signals", prepared.signals, only=EPOCHS["signals"])
+        states = {name: self._optional_state(name, record) for name, record in optional_state._asdict().items()}
+        self.optional_state = RecordValue("optional_state", states)
+        self.model = self._record("model", prepared_case.model)
+        self.schedule = self._record("schedule", prepared_case.schedule)
+        self.signals = self._record("signals", prepared_case.signals, only=EPOCHS["signals"])
         self.sensors: Value = Constant(None)
-        if prepared.sensors is not None:
+        if prepared_case.sensors is not None:
             read_fields = {*EPOCHS["sensors"], "code", "channel", "scalars"}
-            self.sensors = self._record("sensors", prepared.sensors, only=read_fields)
-        options = {name: self._option(name, record) for name, record in prepared.options._asdict().items()}
+            self.sensors = self._record("sensors", prepared_case.sensors, only=read_fields)
+        options = {name: self._option(name, record) for name, record in prepared_case.options._asdict().items()}
         self.options = RecordValue("options", options)
-        case = case_of(prepared)
+        case = case_of(prepared_case)
         self.case = RecordValue(
             "case",
             {
@@ -117,19 +138,19 @@ class Storage:
                 "step": Constant(case.step),
             },
         )
-        self.start = RecordValue("start", {"P": self._table("start_P", np.asarray(prepared.start.P))})
+        self.start = RecordValue("start", {"P": self._table("start_P", np.asarray(prepared_case.initial_state.P))})
 
     # ---------------------------------------------------------------------------------- arrays of a run
 
-    def _part(self, name: str, part: Any) -> Value:
+    def _optional_state(self, name: str, state: Any) -> Value:
         """Return an optional state of the filter as a value; None for records of a simulation."""
-        if part is None or name in ("tape", "held", "missed", "last"):
+        if state is None or name in ("tape", "solution_error", "transition_errors", "previous_observables"):
             return Constant(None)
         if name == "units":
             return RecordValue("units", {"redundant": Constant(None)})
-        if isinstance(part, np.ndarray):
-            return self._state_array(name, part)
-        return self._arrays(name, part, f"{name}_")
+        if isinstance(state, np.ndarray):
+            return self._state_array(name, state)
+        return self._arrays(name, state, f"{name}_")
 
     def _arrays(self, owner: str, record: Any, prefix: str) -> RecordValue:
         """Return the arrays of a record as fields of the struct.
@@ -140,7 +161,7 @@ class Storage:
         arrays: dict[str, Value] = {}
         for name, array in record._asdict().items():
             if isinstance(array, np.ndarray):
-                counts = name in COUNTED.get(owner, ())
+                counts = name in EPOCH_ARRAYS.get(owner, ())
                 arrays[name] = self._state_array(f"{prefix}{name}", array, counts)
         return RecordValue(owner, arrays)
 
@@ -160,10 +181,10 @@ class Storage:
     # ------------------------------------------------------------------------------- settings, inputs
 
     def _option(self, name: str, option: Any) -> Value:
-        if option is None or name in ("samples", "report", "solver", "further", "backup", "misses"):
+        if option is None or name in _UNREAD_OPTIONS:
             return Constant(None)
-        if name == "units":
-            return RecordValue("units", {"redundant": Constant(None)})
+        if name == "imu_array":
+            return RecordValue("imu_array", {"redundant": Constant(None)})
         return self._record(name, option) if hasattr(option, "_asdict") else Constant(option)
 
     def _record(self, owner: str, record: Any, only: Any = None) -> RecordValue:
@@ -192,7 +213,7 @@ class Storage:
         for struct, axes, depth in (("epoch", EPOCHS, self.depth), ("window", WINDOWS, ONLY)):
             if name in axes.get(owner, {}):
                 axis = axes[owner][name]
-                table = None if name in SAID else self._constant(label, value, axis)
+                table = None if name in DEVICE_OUTPUTS else self._constant(label, value, axis)
                 return table or self._input(struct, label, value, axis, depth)
         if name in TICKS.get(owner, ()):
             return self._constant(label, value, 0) or self._tick_input(label, value)
@@ -212,8 +233,8 @@ class Storage:
         if not value.shape[axis]:
             return None
         first = np.take(value, [0], axis=axis)
-        repeated = np.broadcast_to(first, value.shape)
-        if not np.array_equal(value, repeated, equal_nan=value.dtype.kind == "f"):
+        constant_value = np.broadcast_to(first, value.shape)
+        if not np.array_equal(value, constant_value, equal_nan=value.dtype.kind == "f"):
             return None
         rings = [0] * value.ndim
         shape = list(value.shape)

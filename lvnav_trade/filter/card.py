@@ -24,7 +24,7 @@ from lvnav_trade.sensors.family import (
 )
 from lvnav_trade.sensors.receiver_observables import DIFFERENCES
 
-Matched = Literal["matched"]
+MatchedLiteral = Literal["matched"]
 # Standard states of every filter; its card names the additional states.
 BIASES = ("gyro_bias", "accel_bias")
 # Measurements of the filter kinds of earlier versions.
@@ -60,7 +60,7 @@ class DelayCompensation(units.Card):
         description="buffered: innovation at the state of the time of validity, as for sensors in any case; "
         "extrapolated: Euler step of a solution"
     )
-    delay: Matched | units.Pause = Field(
+    delay: MatchedLiteral | units.Pause = Field(
         "matched",
         description="latency of the receiver that the filter assumes; matched: the true one; latencies of sensors are"
         " in sensor_models",
@@ -152,9 +152,9 @@ class FilterCard(units.NamedCard):
         None, description="mode logic; none: the filter starts at once and uses every measurement that the gate accepts"
     )
     integrity: IntegrityCard | None = Field(None, description="fault tests; none: only the gate")
-    imu: Matched | ImuModel = "matched"  # filter model of the IMU; matched: that of the truth
-    receiver: Matched | ReceiverModel = "matched"  # filter model of the receiver; matched: that of the truth
-    initial: Matched | InitialModel = "matched"  # filter model of the initial errors; matched: that of the truth
+    imu: MatchedLiteral | ImuModel = "matched"  # filter model of the IMU; matched: that of the truth
+    receiver: MatchedLiteral | ReceiverModel = "matched"  # filter model of the receiver; matched: that of the truth
+    initial: MatchedLiteral | InitialModel = "matched"  # filter model of the initial errors; matched: that of the truth
     sensor_models: SensorModels = Field(
         default_factory=SensorModels, description="filter models of the sensors, by measurement"
     )
@@ -226,20 +226,20 @@ class FilterCard(units.NamedCard):
 
     @field_validator("measurements")
     @classmethod
-    def _check_measurements(cls, listed: tuple[str, ...]) -> tuple[str, ...]:
+    def _check_measurements(cls, measurement_names: tuple[str, ...]) -> tuple[str, ...]:
         """Return the measurements in the order of `MEASUREMENTS`; their order in the card has no effect."""
-        for name in listed:
-            if listed.count(name) > 1:
+        for name in measurement_names:
+            if measurement_names.count(name) > 1:
                 raise ValueError(f"{name!r} is listed twice")
-        if set(listed) & set(RECEIVER_SOLUTION) and set(listed) & set(OBSERVABLES):
+        if set(measurement_names) & set(RECEIVER_SOLUTION) and set(measurement_names) & set(OBSERVABLES):
             raise ValueError(
                 "the receiver's solution is computed from the same ranges: information would be counted twice; "
                 "take position and velocity, or pseudorange and range_rate"
             )
         for difference, observable in DIFFERENCES.items():
-            if {difference, observable} <= set(listed):
+            if {difference, observable} <= set(measurement_names):
                 raise ValueError(f"{difference} is the change of {observable}: information would be counted twice")
-        return tuple(name for name in MEASUREMENTS if name in listed)
+        return tuple(name for name in MEASUREMENTS if name in measurement_names)
 
     def _faults(self) -> Iterator[str]:
         yield from _state_faults(self)
@@ -247,10 +247,10 @@ class FilterCard(units.NamedCard):
         if self.clock == "one_state" and "range_rate" in self.measurements:
             yield "clock: one_state models the drift as white noise, but every range_rate measures the drift"
         yield from _propagation_faults(self)
-        if self.underweighting and not self.aided:
+        if self.underweighting and not self.is_aided:
             yield "underweighting: the filter has no measurement that it could act on"
-        for number, weighted in enumerate(self.underweighting):
-            for name in weighted.measurements:
+        for number, underweighting_card in enumerate(self.underweighting):
+            for name in underweighting_card.measurements:
                 if name not in self.measurements:
                     yield f"underweighting.{number}.measurements: {name} is not among the filter's measurements"
         yield from _h_infinity_faults(self)
@@ -275,7 +275,7 @@ class FilterCard(units.NamedCard):
         return any(name in self.measurements for name in RECEIVER_SOLUTION)
 
     @property
-    def aided(self) -> bool:
+    def is_aided(self) -> bool:
         """Whether the filter processes any measurement."""
         return bool(self.measurements)
 
@@ -287,9 +287,9 @@ class FilterCard(units.NamedCard):
 
 def _state_faults(card: FilterCard) -> Iterator[str]:
     """Yield the states that are listed in two ways that exclude each other."""
-    neglected_and_considered = sorted(set(card.neglect) & set(card.consider))
-    if neglected_and_considered:
-        yield f"{', '.join(neglected_and_considered)}: neglected and considered, choose one"
+    conflicting_states = sorted(set(card.neglect) & set(card.consider))
+    if conflicting_states:
+        yield f"{', '.join(conflicting_states)}: neglected and considered, choose one"
     for name in card.as_noise:
         if name in card.extra_states:
             yield f"as_noise: {name} is in extra_states too, choose one"
@@ -342,7 +342,7 @@ def _h_infinity_faults(card: FilterCard) -> Iterator[str]:
     """Yield the settings that an H-infinity filter excludes."""
     if card.h_infinity is None:
         return
-    if not card.aided:
+    if not card.is_aided:
         yield "h_infinity: bounds errors by measurements, and the filter has none"
     if card.models_vehicle:
         yield "h_infinity: a filter with imu among its measurements has another covariance between epochs"

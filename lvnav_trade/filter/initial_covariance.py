@@ -3,7 +3,7 @@
 import numpy as np
 
 from lvnav_trade.filter.assumed import InitialModel
-from lvnav_trade.filter.model import square_of, state_blocks
+from lvnav_trade.filter.model import axis_squares, state_blocks
 from lvnav_trade.kernels.transition import ATT, POS, VEL
 from lvnav_trade.quantities.per_axis import axes
 from lvnav_trade.quantities.records import Floats
@@ -12,20 +12,20 @@ from lvnav_trade.quantities.state_layout import StateLayout
 
 # One-sigma (m) of the receiver's clock at an epoch before the filter starts: a difference with it has no weight.
 UNKNOWN = 1e6
-BIAS_OF = {"gyro_bias": "gyro_relative_bias", "accel_bias": "accel_relative_bias"}
+RELATIVE_BIASES = {"gyro_bias": "gyro_relative_bias", "accel_bias": "accel_relative_bias"}
 
 
 def _clone_variances(layout: StateLayout, variance: Floats) -> Floats:
     """Return the initial variances of the clones, (n_clone,); `variance` (n_state,) are those of the states."""
-    variances = variance[list(layout.cloned)]
-    is_clock = [state == layout.clock for state in layout.cloned]
+    variances = variance[list(layout.cloned_states)]
+    is_clock = [state == layout.clock for state in layout.cloned_states]
     variances[is_clock] = UNKNOWN**2
     return variances
 
 
 def _add_correlations(P: Floats, layout: StateLayout) -> None:
     """Set the covariance of relative biases with the biases of the combined triad, axis by axis, in P."""
-    biases = {BIAS_OF[block.name]: block for block in layout.parameters if block.name in BIAS_OF}
+    biases = {RELATIVE_BIASES[block.name]: block for block in layout.parameters if block.name in RELATIVE_BIASES}
     for extra in layout.extras:
         if not extra.correlation or extra.name not in biases:
             continue
@@ -61,15 +61,15 @@ def initial_covariance(
     variance[VEL : VEL + 3] = initial.velocity**2
     variance[POS : POS + 3] = initial.position**2
     for states, sigma, _ in state_blocks(layout):
-        variance[states] = square_of(sigma)
+        variance[states] = axis_squares(sigma)
     if clock >= 0:
         variance[clock] = initial.clock_bias**2
         variance[clock + 1] = 0.0 if layout.has_reduced_clock else initial.clock_drift**2
     if motion >= 0 and envelope is not None:
         variance[motion : motion + 3] = envelope.start_rate**2
         variance[motion + 3 : motion + 6] = envelope.start_acceleration**2
-    if layout.cloned:
-        clones = slice(layout.clone, layout.clone + len(layout.cloned))
+    if layout.cloned_states:
+        clones = slice(layout.clone, layout.clone + len(layout.cloned_states))
         variance[clones] = _clone_variances(layout, variance)
     P = np.diag(variance)
     tilt_variance = initial.tilt**2

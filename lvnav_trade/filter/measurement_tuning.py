@@ -88,7 +88,7 @@ class RegionNoiseCard(Conditions):
 
     def _faults(self) -> Iterator[str]:
         yield from super()._faults()
-        if self.force_change is None and self.rate_change is None and not self.stated:
+        if self.force_change is None and self.rate_change is None and not self.condition_keys:
             yield "force_change: is missing, or rate_change, or a condition such as from or above"
 
 
@@ -130,10 +130,10 @@ class ProcessNoiseTable(OverFlight):
     velocity: tuple[VelocityRandomWalk, ...] = Field((), description="root PSD per axis at these values")
     position: tuple[PositionRandomWalk, ...] = Field((), description="root PSD per axis at these values")
 
-    def _unlike(self, values: tuple[float, ...]) -> Iterator[str]:
+    def _length_faults(self, values: tuple[float, ...]) -> Iterator[str]:
         if not any(any(getattr(self, name)) for name in DRIVEN):
             yield f"no noise: one of {', '.join(DRIVEN)} is above zero somewhere"
         for name in DRIVEN:
             count = len(getattr(self, name))
             if count not in (0, len(values)):
-                yield f"{len(values)} values of {self.over} but {count} of {name}"
+                yield f"{len(values)} values of {self.independent_quantity} but {count} of {name}"

@@ -7,8 +7,8 @@ import numpy as np
 
 from lvnav_trade.filter.assumed import ImuModel, ReceiverModel
 from lvnav_trade.filter.card import FilterCard
-from lvnav_trade.filter.states import TYPES, FilterMeasurements, clock_gains, extra_tables, row_tables, row_types
-from lvnav_trade.filter.strapdown_algorithm import strapdown_of
+from lvnav_trade.filter.states import TYPES, FilterMeasurements, channel_types, clock_gains, extra_tables, row_tables
+from lvnav_trade.filter.strapdown_algorithm import build_strapdown
 from lvnav_trade.kernels import transition
 from lvnav_trade.kernels.clock import spectral_densities
 from lvnav_trade.kernels.covariance import N_NAV_ERROR
@@ -25,12 +25,12 @@ class FilterModel(NamedTuple):
     Index arrays are int64. A window is a number of IMU ticks that the covariance is propagated over at once; n_length
     different lengths occur.
 
-    aided : Whether the filter processes measurements, or the receiver computes a solution of its own.
+    has_epochs : Whether epochs are processed: the filter has measurements, or the receiver computes a solution itself.
     tight : Whether the receiver's channels are ranges of satellites (tight coupling).
-    solves : Whether the receiver computes its solution itself, from ranges.
-    measured : (n_channel,). Whether the filter processes the channel.
+    has_solver : Whether the receiver computes its solution itself, from ranges.
+    is_processed : (n_channel,). Whether the filter processes the channel.
     n_receiver : Number of receiver channels, which are the first; 0 if the filter uses none.
-    n_kind : Number of observables of each satellite.
+    n_observable : Number of observables of each satellite.
     rate_sign : Sign of the body-rate error in the state that models it: 1 for a rate state, -1 for a gyro bias.
     strapdown : Algorithm of the strapdown.
     block_rows : (n_block,). First row of each 3 x 3 block of the transition matrix.
@@ -41,42 +41,43 @@ class FilterModel(NamedTuple):
     decay : (n_length, n_state). Decay factor of each state over a window.
     noise : (n_length, n_state) SI squared. Process-noise variance added over a window; for random walks that differ by
         axis, that of the least.
-    uneven : (2, 3) SI squared per second. PSD of each gyro and accelerometer axis, body axes, in excess of the least of
-        the three; None if all axes are alike.
+    excess_density : (2, 3) SI squared per second. PSD of each gyro and accelerometer axis, body axes, in excess of the
+        least of the three; None if all axes are alike.
     clock : State of the clock bias, followed by the drift; -1 without a clock.
     n_estimated : Number of states that updates correct; the states from here on are considered.
     n_assessed : Number of states in the NEES.
     n_state : Number of states.
-    reported : (n_reported,). States of which errors are reported.
+    reported_states : (n_reported,). States of which errors are reported.
     par_sensor : (n_par,). Sensor of each block of IMU parameters: GYRO or ACCEL.
     par_driver : (n_par,). Quantity that the parameter multiplies.
     par_offset : (n_par,). First state of the block.
     biases_only : Whether the IMU parameters are biases only.
-    fading : Whether any state decays.
+    has_decay : Whether any state decays.
     inflation : (n_length,). Factor on standard deviations over a window (fading memory); 1 without.
-    growth : (n_length, 9) 1 / SI squared. What an H-infinity filter takes off the inverse covariance of attitude,
-        velocity and position over a window; 0 without.
-    injected : (n_injection, n_state) SI squared. Variance added at a change of operating region.
+    h_infinity_weight : (n_length, 9) 1 / SI squared. What an H-infinity filter takes off the inverse covariance of
+        attitude, velocity and position over a window; 0 without.
+    injected_variance : (n_injection, n_state) SI squared. Variance added at a change of operating region.
     gate_squared : Largest square of a normalised innovation that is accepted; infinite without a gate.
     joseph : Whether the covariance update has Joseph's form.
-    row_type : (n_channel,). Measurement type of the channel, which selects its Jacobian.
+    channel_type : (n_channel,). Measurement type of the channel, which selects its Jacobian.
     n_entry : (n_channel,). Number of Jacobian entries that are not zero.
     entry : (n_channel, n_entry). Places of these entries in the Jacobian row.
     column : (n_channel, n_entry). States that these entries belong to.
     lever_arms : (n_antenna, 3) m. Antenna phase centres relative to the IMU, body axes.
     extra_offset : (n_extra,). State of each extra state.
     extra_member : (n_extra_family, n_channel). Extra state that enters the channel, -1 none.
-    every : n, if the filter processes the receiver's measurements of every n-th epoch only.
-    has_covariance : Whether solutions come with a reported covariance, by which the filter decorrelates them.
-    clock_gain : (n_kind, n_state). Gain by which a reference satellite determines the clock state of an observable.
+    decimation : n, if the filter processes the receiver's measurements of every n-th epoch only.
+    has_reported_covariance : Whether solutions come with a reported covariance, by which the filter decorrelates them.
+    clock_gain : (n_observable, n_state). Gain by which a reference satellite determines the clock state of an
+        observable.
     """
 
-    aided: bool
+    has_epochs: bool
     tight: bool
-    solves: bool
-    measured: Bools
+    has_solver: bool
+    is_processed: Bools
     n_receiver: int
-    n_kind: int
+    n_observable: int
     rate_sign: float
     strapdown: Strapdown
     block_rows: Ints
@@ -86,31 +87,31 @@ class FilterModel(NamedTuple):
     seconds: Floats
     decay: Floats
     noise: Floats
-    uneven: Floats | None
+    excess_density: Floats | None
     clock: int
     n_estimated: int
     n_assessed: int
     n_state: int
-    reported: Ints
+    reported_states: Ints
     par_sensor: Ints
     par_driver: Ints
     par_offset: Ints
     biases_only: bool
-    fading: bool
+    has_decay: bool
     inflation: Floats
-    growth: Floats
-    injected: Floats
+    h_infinity_weight: Floats
+    injected_variance: Floats
     gate_squared: float
     joseph: bool
-    row_type: Ints
+    channel_type: Ints
     n_entry: Ints
     entry: Ints
     column: Ints
     lever_arms: Floats
     extra_offset: Ints
     extra_member: Ints
-    every: int
-    has_covariance: bool
+    decimation: int
+    has_reported_covariance: bool
     clock_gain: Floats
 
 
@@ -156,7 +157,7 @@ def transition_blocks(parameters: tuple[ErrorTerm, ...], order: int) -> tuple[In
     return rows, columns, kinds, drivers
 
 
-def square_of(value: PerAxis) -> float | Floats:
+def axis_squares(value: PerAxis) -> float | Floats:
     """Return the square of a value that is common to the axes, or the squares (3,) of a value by axis."""
     if isinstance(value, tuple):
         return np.array(squares(value))
@@ -201,7 +202,7 @@ def window_tables(layout: StateLayout, densities: Floats, seconds: Floats) -> tu
             decay[:, states] = state_decay[:, None]
             # half of the noise q enters before the decay d, half after: s^2 = d^2 (s^2 + q / 2) + q / 2 gives
             # q = 2 s^2 (1 - d^2) / (1 + d^2), which is 2 s^2 tanh(t / T)
-            state_noise = 2.0 * square_of(sigma) * np.tanh(seconds / time_constant)[:, None]
+            state_noise = 2.0 * axis_squares(sigma) * np.tanh(seconds / time_constant)[:, None]
             noise[:, states] += state_noise
     return decay, noise
 
@@ -220,10 +221,10 @@ def _densities(card: FilterCard, layout: StateLayout, imu: ImuModel, receiver: R
     densities[POS : POS + 3] = card.position_noise**2
     for block in layout.parameters:
         states = slice(block.offset, block.offset + 3)
-        densities[states] = square_of(block.walk)
+        densities[states] = axis_squares(block.walk)
     for extra in layout.extras:
         states = slice(extra.offset, extra.offset + len(extra.labels))
-        densities[states] = square_of(extra.walk)
+        densities[states] = axis_squares(extra.walk)
     if layout.clock >= 0:
         bias_density, drift_density = spectral_densities(receiver.clock_h0, receiver.clock_h_minus2)
         if layout.has_reduced_clock:
@@ -254,11 +255,11 @@ def _excess_densities(layout: StateLayout, imu: ImuModel) -> Floats | None:
 
 def _count_corrected(card: FilterCard, layout: StateLayout) -> int:
     """Return the number of states that updates correct: those of the earlier epoch of differences may be among them."""
-    if not layout.n_delayed:
+    if not layout.n_earlier_epoch:
         return layout.n_estimated
-    n_corrected = layout.delayed + layout.n_delayed
+    n_corrected = layout.earlier_epoch + layout.n_earlier_epoch
     if card.delayed_state == "consider":
-        n_corrected -= len(layout.cloned)
+        n_corrected -= len(layout.cloned_states)
     return n_corrected
 
 
@@ -268,8 +269,8 @@ def build_filter_model(
     sources: FilterMeasurements,
     seconds: Floats,
     strapdown: Strapdown | None = None,
-    injected: Floats | None = None,
-    stored: Bools | None = None,
+    injected_variance: Floats | None = None,
+    is_stored: Bools | None = None,
 ) -> FilterModel:
     """Return a filter card and its sensor models as arrays for the kernels.
 
@@ -287,9 +288,9 @@ def build_filter_model(
         (n_length,) s. Window lengths that occur.
     strapdown
         Algorithm of the strapdown; None: that of the card, in the inertial frame.
-    injected
+    injected_variance
         (n_injection, n_state) SI squared. Variances added at changes of operating region; None: none.
-    stored
+    is_stored
         (n_channel,). Whether a channel has stored gains; the others are not processed. None: no stored gains.
 
     Returns
@@ -308,23 +309,23 @@ def build_filter_model(
         drivers = drivers[gradient]
     densities = _densities(card, layout, sources.imu, sources.receiver, sources.clock_drift)
     decay, noise = window_tables(layout, densities, seconds)
-    row_type = row_types(channels)
-    count, entry, column = row_tables(layout, row_type, sources.has_lever, sources.has_covariance)
+    channel_type = channel_types(channels)
+    count, entry, column = row_tables(layout, channel_type, sources.has_lever, sources.has_covariance)
     extra_offset, extra_member = extra_tables(layout, channels.n_channel)
     h_infinity_weights = np.zeros(N_NAV_ERROR) if card.h_infinity is None else card.h_infinity.weights
     processed_types = [number for name, number in TYPES.items() if name in measurements]
-    measured = np.isin(row_type, processed_types)
-    if stored is not None:
-        measured = measured & stored
+    is_processed = np.isin(channel_type, processed_types)
+    if is_stored is not None:
+        is_processed = is_processed & is_stored
     return FilterModel(
-        aided=sources.solves or any(name in TYPES for name in measurements),
+        has_epochs=sources.has_solver or any(name in TYPES for name in measurements),
         tight=channels.tight,
-        solves=sources.solves,
-        measured=measured,
+        has_solver=sources.has_solver,
+        is_processed=is_processed,
         n_receiver=channels.n_receiver if channels.receiver else 0,
-        n_kind=len(channels.observables),
+        n_observable=len(channels.observables),
         rate_sign=1.0 if layout.motion >= 0 else -1.0,
-        strapdown=strapdown or strapdown_of(card.strapdown, card.gravity),
+        strapdown=strapdown or build_strapdown(card.strapdown, card.gravity),
         block_rows=rows,
         block_columns=columns,
         block_kinds=block_kinds,
@@ -332,30 +333,30 @@ def build_filter_model(
         seconds=seconds,
         decay=decay,
         noise=noise,
-        uneven=_excess_densities(layout, sources.imu),
+        excess_density=_excess_densities(layout, sources.imu),
         clock=layout.clock,
         n_estimated=_count_corrected(card, layout),
         n_assessed=layout.n_estimated,
         n_state=layout.n_state,
-        reported=np.array(layout.reported, dtype=np.int64),
+        reported_states=np.array(layout.reported_states, dtype=np.int64),
         par_sensor=np.array([b.sensor for b in layout.parameters], dtype=np.int64),
         par_driver=np.array([b.driver for b in layout.parameters], dtype=np.int64),
         par_offset=np.array([b.offset for b in layout.parameters], dtype=np.int64),
         biases_only=all(b.driver == transition.CONSTANT for b in layout.parameters),
-        fading=bool(np.any(decay != 1.0)),
+        has_decay=bool(np.any(decay != 1.0)),
         inflation=np.exp(seconds / (card.fading_memory or math.inf)),
-        growth=np.outer(seconds, h_infinity_weights),
-        injected=np.zeros((1, layout.n_state)) if injected is None else injected,
+        h_infinity_weight=np.outer(seconds, h_infinity_weights),
+        injected_variance=np.zeros((1, layout.n_state)) if injected_variance is None else injected_variance,
         gate_squared=math.inf if card.gate is None else card.gate**2,
         joseph=card.update == "joseph",
-        row_type=row_type,
+        channel_type=channel_type,
         n_entry=count,
         entry=entry,
         column=column,
         lever_arms=np.array(sources.lever_arms, dtype=float),
         extra_offset=extra_offset,
         extra_member=extra_member,
-        every=sources.every,
-        has_covariance=sources.has_covariance,
+        decimation=sources.decimation,
+        has_reported_covariance=sources.has_covariance,
         clock_gain=clock_gains(layout, channels),
     )

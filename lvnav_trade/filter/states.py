@@ -42,14 +42,14 @@ NOISE_STATES = {"tdcp": "phase_noise", "delta_pseudorange": "code_noise"}
 EntryPairs = list[tuple[int, int]]
 
 
-def row_types(channels: Channels) -> Ints:
+def channel_types(channels: Channels) -> Ints:
     """Return the measurement type of each channel, (n_channel,), as numbered in `TYPES`."""
     types = [POSITION] * 3 + [VELOCITY] * 3
     if channels.tight:
         satellite_types = [TYPES[name] for name in channels.observables]
         types = satellite_types * len(channels.satellites)
     for sensor in channels.sensors:
-        types += [TYPES[sensor.measures]] * len(sensor.labels)
+        types += [TYPES[sensor.measurement]] * len(sensor.labels)
     return np.array(types, dtype=np.int64)
 
 
@@ -63,7 +63,7 @@ def _rate_state(layout: StateLayout) -> int:
     return -1
 
 
-def _state_entries(layout: StateLayout, has_lever: bool, whitened: bool) -> dict[int, EntryPairs]:
+def _state_entries(layout: StateLayout, has_lever: bool, is_decorrelated: bool) -> dict[int, EntryPairs]:
     """Return the Jacobian entries of each measurement type and the states that they multiply, without extra states."""
     navigation = {
         "position": [(H_POS + i, POS + i) for i in range(3)],
@@ -89,7 +89,7 @@ def _state_entries(layout: StateLayout, has_lever: bool, whitened: bool) -> dict
     entries[RANGE_RATE] = position + attitude + velocity + rate + drift
     entries[POSITION] = position + attitude
     entries[VELOCITY] = velocity + attitude + rate
-    if whitened:  # decorrelation combines the rows of position and velocity
+    if is_decorrelated:  # decorrelation combines the rows of position and velocity
         entries[POSITION] = entries[POSITION] + velocity + rate
         entries[VELOCITY] = entries[VELOCITY] + position
     for card in SENSORS:
@@ -100,17 +100,17 @@ def _state_entries(layout: StateLayout, has_lever: bool, whitened: bool) -> dict
     return entries
 
 
-def _extra_entries(layout: StateLayout, channel: int, measurement_type: int, whitened: bool) -> EntryPairs:
+def _extra_entries(layout: StateLayout, channel: int, measurement_type: int, is_decorrelated: bool) -> EntryPairs:
     """Return the Jacobian entries of the extra states of a channel, and these states."""
-    entering = []
+    member_entries = []
     for family, block in enumerate(layout.extras):
         member = int(block.member[channel])
         if member >= 0:
-            entering.append((N_ENTRY + family, block.offset + member))
-    if not whitened:
-        return entering
+            member_entries.append((N_ENTRY + family, block.offset + member))
+    if not is_decorrelated:
+        return member_entries
     # decorrelation combines the rows of all axes, so every extra state has an entry of its own
-    channel_states = {state for _, state in entering}
+    channel_states = {state for _, state in member_entries}
     is_solution = measurement_type in (POSITION, VELOCITY)
     pairs = []
     for index, state in enumerate(_extra_states(layout)):
@@ -124,18 +124,20 @@ def _extra_states(layout: StateLayout) -> list[int]:
     return [block.offset + i for block in layout.extras for i in range(len(block.labels))]
 
 
-def row_tables(layout: StateLayout, row_type: Ints, has_lever: bool, whitened: bool) -> tuple[Ints, Ints, Ints]:
+def row_tables(
+    layout: StateLayout, channel_type: Ints, has_lever: bool, is_decorrelated: bool
+) -> tuple[Ints, Ints, Ints]:
     """Return the structure of the Jacobian row of each channel.
 
     Parameters
     ----------
     layout
         States of the filter.
-    row_type
-        (n_channel,). Measurement types, of `row_types`.
+    channel_type
+        (n_channel,). Measurement types, of `channel_types`.
     has_lever
         Whether an antenna is away from the IMU; otherwise attitude and body rate do not enter.
-    whitened
+    is_decorrelated
         Whether the rows of a solution are decorrelated. Each of them then has the entries of all six.
 
     Returns
@@ -145,16 +147,16 @@ def row_tables(layout: StateLayout, row_type: Ints, has_lever: bool, whitened: b
     entry, column
         (n_channel, n_entry). Places of these entries in the Jacobian row, and the states that they multiply.
     """
-    state_entries = _state_entries(layout, has_lever, whitened)
-    n_extra = len(_extra_states(layout)) if whitened else len(layout.extras)
+    state_entries = _state_entries(layout, has_lever, is_decorrelated)
+    n_extra = len(_extra_states(layout)) if is_decorrelated else len(layout.extras)
     n_present = N_ENTRY + n_extra
-    n_earlier = D_EXTRA + len(layout.extras) if layout.cloned else 0
-    count = np.zeros(row_type.size, dtype=np.int64)
-    pairs = np.zeros((2, row_type.size, n_present + n_earlier), dtype=np.int64)
-    for channel, measurement_type in enumerate(row_type.tolist()):
-        extra_entries = _extra_entries(layout, channel, measurement_type, whitened)
+    n_earlier = D_EXTRA + len(layout.extras) if layout.cloned_states else 0
+    count = np.zeros(channel_type.size, dtype=np.int64)
+    pairs = np.zeros((2, channel_type.size, n_present + n_earlier), dtype=np.int64)
+    for channel, measurement_type in enumerate(channel_type.tolist()):
+        extra_entries = _extra_entries(layout, channel, measurement_type, is_decorrelated)
         row = state_entries[measurement_type] + extra_entries
-        if measurement_type in (TDCP, DELTA_PSEUDORANGE) and layout.cloned:
+        if measurement_type in (TDCP, DELTA_PSEUDORANGE) and layout.cloned_states:
             row += earlier_entries(layout, row, n_present)
         count[channel] = len(row)
         pairs[:, channel, : len(row)] = np.transpose(row)
@@ -162,15 +164,15 @@ def row_tables(layout: StateLayout, row_type: Ints, has_lever: bool, whitened: b
 
 
 def clock_gains(layout: StateLayout, channels: Channels) -> Floats:
-    """Return the gains by which a reference satellite determines the clock, (n_kind, n_state).
+    """Return the gains by which a reference satellite determines the clock, (n_observable, n_state).
 
     A range determines the bias and a range rate the drift, with gain 1. A difference of two epochs determines the bias
     at its earlier epoch; its partial derivative is -1, and so is its gain.
     """
     gains = np.zeros((len(channels.observables), layout.n_state))
     for observable, name in enumerate(channels.observables):
-        if name in DIFFERENCES and layout.clock in layout.cloned:
-            clock_clone = layout.clone + layout.cloned.index(layout.clock)
+        if name in DIFFERENCES and layout.clock in layout.cloned_states:
+            clock_clone = layout.clone + layout.cloned_states.index(layout.clock)
             gains[observable, clock_clone] = -1.0
         elif layout.clock >= 0 and name not in DIFFERENCES:
             clock_state = layout.clock + (name == "range_rate")
@@ -208,9 +210,9 @@ class FilterMeasurements(NamedTuple):
     channels : Measurement channels.
     measurements : Names of the measurements that the filter processes.
     lever_arms : (n_antenna, 3) m. Antenna phase centres relative to the IMU, body axes.
-    every : The receiver's measurements of every n-th epoch are processed, n being this number.
+    decimation : The receiver's measurements of every n-th epoch are processed, n being this number.
     has_covariance : Whether solutions have a reported covariance, by which they are decorrelated.
-    solves : Whether the receiver computes its solution itself, from ranges.
+    has_solver : Whether the receiver computes its solution itself, from ranges.
     clock_drift : m/s. Initial one-sigma of the clock drift; a one-state clock models it as white noise.
     """
 
@@ -219,9 +221,9 @@ class FilterMeasurements(NamedTuple):
     channels: Channels
     measurements: tuple[str, ...] = ()
     lever_arms: Floats = np.zeros((1, 3))
-    every: int = 1
+    decimation: int = 1
     has_covariance: bool = False
-    solves: bool = False
+    has_solver: bool = False
     clock_drift: float = 0.0
 
     @property
@@ -331,10 +333,10 @@ def state_layout(card: FilterCard, sources: FilterMeasurements, n_clone: int = 0
     layout = _number_states(card, sources, n_clone)
     # which states are cloned follows from the layout, whose offsets depend on their number
     differences = _differences(card, sources)
-    cloned = cloned_states(layout, sources.channels, differences, sources.has_lever)
-    if len(cloned) != n_clone:
-        return state_layout(card, sources, len(cloned))
-    return layout._replace(cloned=cloned)
+    clone_sources = cloned_states(layout, sources.channels, differences, sources.has_lever)
+    if len(clone_sources) != n_clone:
+        return state_layout(card, sources, len(clone_sources))
+    return layout._replace(cloned_states=clone_sources)
 
 
 def _differences(card: FilterCard, sources: FilterMeasurements) -> tuple[str, ...]:
@@ -346,18 +348,18 @@ def _number_states(card: FilterCard, sources: FilterMeasurements, n_clone: int) 
     """Return the state layout of a filter with a number of clones, without the states that are cloned."""
     imu, receiver, channels = sources.imu, sources.receiver, sources.channels
     names = _state_names(card, sources.measurements)
-    estimated = [name for name in names if name not in card.consider]
-    considered = [name for name in names if name in card.consider]
+    estimated_names = [name for name in names if name not in card.consider]
+    considered_names = [name for name in names if name in card.consider]
     has_one_state_clock = channels.tight and card.clock == "one_state"
 
-    parameter_names = [name for name in estimated if name in PARAMETERS]
+    parameter_names = [name for name in estimated_names if name in PARAMETERS]
     parameters = _parameter_blocks(parameter_names, imu, N_NAV_ERROR)
     offset = N_NAV_ERROR + 3 * len(parameters)
     clock = -1
     if channels.tight and not has_one_state_clock:
         clock = offset
         offset += 2
-    extra_names = [name for name in estimated if name not in PARAMETERS]
+    extra_names = [name for name in estimated_names if name not in PARAMETERS]
     extras = _extra_blocks(extra_names, imu, receiver, channels, offset, card.as_noise)
     offset += _count_states(extras)
     motion = -1
@@ -371,18 +373,18 @@ def _number_states(card: FilterCard, sources: FilterMeasurements, n_clone: int) 
     if has_one_state_clock:  # the drift: a state of zero variance that updates do not correct
         offset += 1
 
-    delayed = offset
+    earlier_epoch = offset
     # read for differences only: a setting that is not read is refused as one without effect
     differences = _differences(card, sources)
     noise_names = [NOISE_STATES[name] for name in differences if card.previous_noise == "estimated"]
     noise_blocks = _extra_blocks(noise_names, imu, receiver, channels, offset)
-    n_delayed = _count_states(noise_blocks) + n_clone
-    offset += n_delayed
+    n_earlier_epoch = _count_states(noise_blocks) + n_clone
+    offset += n_earlier_epoch
 
-    parameter_names = [name for name in considered if name in PARAMETERS]
+    parameter_names = [name for name in considered_names if name in PARAMETERS]
     considered_parameters = _parameter_blocks(parameter_names, imu, offset)
     offset += 3 * len(considered_parameters)
-    extra_names = [name for name in considered if name not in PARAMETERS]
+    extra_names = [name for name in considered_names if name not in PARAMETERS]
     considered_extras = _extra_blocks(extra_names, imu, receiver, channels, offset, card.as_noise)
     offset += _count_states(considered_extras)
 
@@ -394,7 +396,7 @@ def _number_states(card: FilterCard, sources: FilterMeasurements, n_clone: int) 
         extras=tuple(extras + noise_blocks + considered_extras),
         motion=motion,
         samples=card.report_imu_samples,
-        delayed=delayed,
-        n_delayed=n_delayed,
-        clone=delayed + n_delayed - n_clone if n_clone else -1,
+        earlier_epoch=earlier_epoch,
+        n_earlier_epoch=n_earlier_epoch,
+        clone=earlier_epoch + n_earlier_epoch - n_clone if n_clone else -1,
     )

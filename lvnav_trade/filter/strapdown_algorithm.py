@@ -46,21 +46,21 @@ class StrapdownCard(units.Card):
             yield f"{self.algorithm}: a step of one increment has nothing to compensate with; use a ratio of 2 or more"
 
 
-def optimised_weights(subsamples: int, with_previous: bool) -> tuple[Floats, float]:
+def optimised_weights(subsamples: int, uses_previous_step: bool) -> tuple[Floats, float]:
     """Return the weights of the optimised coning compensation (Ignagni 1996).
 
     Parameters
     ----------
     subsamples
         Number N of increments in a step.
-    with_previous
+    uses_previous_step
         Whether the compensation uses the sum of the previous step too.
 
     Returns
     -------
     weights
         (N - 1,). Weights of all increments of the step but the last, in order of time.
-    across
+    previous_weight
         Weight of the sum of the previous step; 0 without it.
 
     Notes
@@ -71,17 +71,17 @@ def optimised_weights(subsamples: int, with_previous: bool) -> tuple[Floats, flo
     """
     n = subsamples
     distances = range(n - 1, 0, -1)
-    n_weight = len(distances) + with_previous
+    n_weight = len(distances) + uses_previous_step
     equations = []
     for power in range(3, 3 + 2 * n_weight, 2):
         equation = [Fraction(2 * d**power - (d + 1) ** power - (d - 1) ** power) for d in distances]
-        if with_previous:
+        if uses_previous_step:
             equation.append(Fraction(n**power * (2 - 2**power)))
         equation.append(Fraction(-(n**power), 2))
         equations.append(equation)
     weights = [float(value) for value in _solve(equations)]
-    across = weights.pop() if with_previous else 0.0
-    return np.array(weights, dtype=float), across
+    previous_weight = weights.pop() if uses_previous_step else 0.0
+    return np.array(weights, dtype=float), previous_weight
 
 
 def recursive_weights(subsamples: int) -> Floats:
@@ -91,9 +91,9 @@ def recursive_weights(subsamples: int) -> Floats:
     """
     index = np.arange(subsamples)
     distance = np.subtract.outer(index, index)
-    from_sum = np.where(distance < 0, 0.5, 0.0)
-    from_last = np.where(distance == -1, 1.0 / 12.0, 0.0)
-    return from_sum + from_last
+    sum_weights = np.where(distance < 0, 0.5, 0.0)
+    last_weights = np.where(distance == -1, 1.0 / 12.0, 0.0)
+    return sum_weights + last_weights
 
 
 def polynomial_weights(subsamples: int) -> Floats:
@@ -162,7 +162,7 @@ EXACT_TURN = 5e-3
 specific force of 30 m/s^2."""
 
 
-def strapdown_of(
+def build_strapdown(
     card: StrapdownCard,
     gravity: str,
     mechanisation: str = "inertial",
@@ -194,16 +194,16 @@ def strapdown_of(
         The algorithm as numbers.
     """
     weights = np.zeros(0)
-    across = 0.0
+    previous_weight = 0.0
     pairs = np.zeros((0, 0))
     if card.algorithm in {"two_sample", "recursive"}:
-        across = 1.0 / 12.0
+        previous_weight = 1.0 / 12.0
     if card.algorithm == "recursive":
         pairs = recursive_weights(card.ratio)
     elif card.algorithm == "polynomial":
         pairs = polynomial_weights(card.ratio)
     elif card.algorithm.startswith("optimised"):
-        weights, across = optimised_weights(card.ratio, card.algorithm == "optimised")
+        weights, previous_weight = optimised_weights(card.ratio, card.algorithm == "optimised")
     local = LOCAL.get(mechanisation, 0)
     has_extensions = bool(local) or pairs.size > 0
     general = card.algorithm != "two_sample" or card.ratio > 1
@@ -211,14 +211,14 @@ def strapdown_of(
         gravity=GRAVITY[gravity],
         subsamples=card.ratio,
         weights=weights,
-        across=across,
-        at_end=card.algorithm == "summed",
-        rotating=mechanisation != "inertial",
+        previous_step_weight=previous_weight,
+        has_end_attitude=card.algorithm == "summed",
+        is_rotating=mechanisation != "inertial",
         angle=angle,
         origin=_pad_origin(start, angle) if mechanisation == "pad" and start is not None else np.zeros(3),
-        further=StrapdownExtensions(local, pairs) if has_extensions else None,
-        general=general,
-        counted=general or turn > EXACT_TURN,
+        extensions=StrapdownExtensions(local, pairs) if has_extensions else None,
+        is_general=general,
+        is_error_included=general or turn > EXACT_TURN,
     )
 
 

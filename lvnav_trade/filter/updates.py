@@ -1,8 +1,8 @@
 """Measurement update by one scalar measurement, with the noise variance of the filter model."""
 
 from lvnav_trade.kernels.covariance import update_scalar, update_with_gain
-from lvnav_trade.kernels.jit import inlined, jit
-from lvnav_trade.kernels.lanes import like, where
+from lvnav_trade.kernels.jit import inline_jit, jit
+from lvnav_trade.kernels.lanes import number_like, where
 
 
 @jit
@@ -10,15 +10,15 @@ def has_reported_covariance(model, channel):
     """Return whether a channel belongs to a solution with a reported covariance, whose rows are decorrelated together
     (with stored gains they are not).
     """
-    return model.has_covariance and channel < model.n_receiver
+    return model.has_reported_covariance and channel < model.n_receiver
 
 
 @jit
-def _add_spread(variance, sigma_points, row):
+def _add_residual_variance(variance, sigma_points, row):
     """Return a variance plus that which the regression over sigma points (SigmaPoints, or None) does not explain."""
     if sigma_points is None:
         return variance
-    return variance + sigma_points.spread[row]
+    return variance + sigma_points.residual_variance[row]
 
 
 @jit
@@ -27,8 +27,8 @@ def _reported_variance(work, gains, row):
     stored gains (StoredGains, or None) the reported variance, because the rows are not decorrelated.
     """
     if gains is None:
-        return like(work.x[0], 1.0)
-    return work.reported[row, row]
+        return number_like(work.x[0], 1.0)
+    return work.reported_covariance[row, row]
 
 
 @jit
@@ -43,11 +43,11 @@ def noise_variance(work, sigma_points, case, epoch, row, channel):
     """
     if has_reported_covariance(case.model, channel):
         return _reported_variance(work, case.options.gains, row)
-    assumed_variance = like(work.x[0], case.signals.variance[epoch, channel])
-    return _add_spread(assumed_variance, sigma_points, row)
+    assumed_variance = number_like(work.x[0], case.signals.variance[epoch, channel])
+    return _add_residual_variance(assumed_variance, sigma_points, row)
 
 
-@inlined
+@inline_jit
 def update_state(work, case, gains, variance, epoch, row, channel, gate_squared):
     """Update error state `work.x` and covariance `work.P` by one scalar measurement.
 
@@ -55,14 +55,14 @@ def update_state(work, case, gains, variance, epoch, row, channel, gate_squared)
     ----------
     work : arrays of the run; row `row` of H and z is filled
     case : FilterCase
-    gains : StoredGains, stored; None: the gain follows from the covariance
+    gains : StoredGains; None: the gain follows from the covariance
     variance : noise variance of the measurement
     epoch, row, channel : indices
     gate_squared : largest square of the normalised innovation that is accepted
 
     Returns
     -------
-    normalised : innovation divided by its standard deviation
+    normalised_innovation : innovation divided by its standard deviation
     weight : inverse of the innovation variance; 0 if the measurement is rejected
     """
     model = case.model
@@ -101,7 +101,7 @@ def update_state(work, case, gains, variance, epoch, row, channel, gate_squared)
     )
 
 
-@inlined
+@inline_jit
 def update_and_count(work, sigma_points, case, epoch, row, channel, gate_squared):
     """Update by one scalar measurement, store its innovation and count it as accepted or rejected.
 
@@ -109,7 +109,7 @@ def update_and_count(work, sigma_points, case, epoch, row, channel, gate_squared
     measurement or its innovation is not a number.
     """
     variance = noise_variance(work, sigma_points, case, epoch, row, channel)
-    normalised, weight = update_state(
+    normalised_innovation, weight = update_state(
         work,
         case,
         case.options.gains,
@@ -119,11 +119,11 @@ def update_and_count(work, sigma_points, case, epoch, row, channel, gate_squared
         channel,
         gate_squared,
     )
-    work.innovation[epoch, channel] = normalised
-    accepted = weight > 0.0
-    measured = normalised == normalised  # not-a-number: there is no measurement
-    rejected = measured & (weight == 0.0)
-    work.nis[epoch] = work.nis[epoch] + where(accepted, normalised * normalised, 0.0)
-    work.n_row[epoch] = work.n_row[epoch] + where(accepted, 1.0, 0.0)
-    work.n_reject[epoch] = work.n_reject[epoch] + where(rejected, 1.0, 0.0)
+    work.innovation[epoch, channel] = normalised_innovation
+    is_accepted = weight > 0.0
+    is_measured = normalised_innovation == normalised_innovation  # not-a-number: there is no measurement
+    is_rejected = is_measured & (weight == 0.0)
+    work.nis[epoch] = work.nis[epoch] + where(is_accepted, normalised_innovation * normalised_innovation, 0.0)
+    work.n_row[epoch] = work.n_row[epoch] + where(is_accepted, 1.0, 0.0)
+    work.n_reject[epoch] = work.n_reject[epoch] + where(is_rejected, 1.0, 0.0)
     return weight

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from lvnav_trade.gnss.navigation_lines import NumberBounds, number, read_lines
 from lvnav_trade.quantities.errors import InputError
-from lvnav_trade.quantities.input_files import whole
+from lvnav_trade.quantities.input_files import integer
 
 HIGHEST_PRN = 63  # six bits in the navigation message (IS-GPS-200, 20.3.3.5); those of QZSS begin at 193
 SEMICIRCLE = math.pi
@@ -39,7 +39,7 @@ class _AlmanacField(NamedTuple):
     unit: float = 1.0
 
 
-_PRN, _HEALTH, _WEEK = NumberBounds(1, 255, whole), NumberBounds(0, 255, whole), NumberBounds(0, 99999, whole)
+_PRN, _HEALTH, _WEEK = NumberBounds(1, 255, integer), NumberBounds(0, 255, integer), NumberBounds(0, 99999, integer)
 _SECONDS, _ECCENTRICITY, _ROOT_AXIS = NumberBounds(0.0, 604800.0), NumberBounds(0.0, 0.999), NumberBounds(2600.0, 1e5)
 _BIAS, _DRIFT = NumberBounds(-1.0, 1.0), NumberBounds(-1e-3, 1e-3)
 _TURN, _SEMICIRCLES = NumberBounds(-7.0, 7.0), NumberBounds(-2.3, 2.3)
@@ -112,7 +112,7 @@ def read_yuma(path: str | Path) -> tuple[AlmanacRecord, ...]:
     what`` if the file cannot be read or is empty, a record lacks a field or has it twice, a value is not a number or
     impossible, or a satellite comes twice.
     """
-    records = _distinct(path, _yuma_records(path))
+    records = _distinct_records(path, _yuma_records(path))
     if not records:
         raise InputError(f"{path}:1: no almanac record (a YUMA record begins with 'ID:')")
     return _own_system(path, records)
@@ -131,8 +131,8 @@ def read_sem(path: str | Path) -> tuple[AlmanacRecord, ...]:
     """
     lines = read_lines(path, "SEM almanac")
     rows = [(line_number, line.split()) for line_number, line in enumerate(lines, start=1)]
-    first = _next(rows, 0)
-    second = _next(rows, first + 1)
+    first = _next_line(rows, 0)
+    second = _next_line(rows, first + 1)
     if second >= len(rows):
         raise InputError(f"{path}:{max(1, len(rows))}: no SEM almanac: number of records, week and second are missing")
     count_field, week_field, second_field = _HEAD
@@ -141,7 +141,7 @@ def read_sem(path: str | Path) -> tuple[AlmanacRecord, ...]:
         "week": _read_word(path, rows[second], 0, week_field),
         "applicability": _read_word(path, rows[second], 1, second_field),
     }
-    records = _distinct(path, _sem_records(path, rows, second + 1, time))
+    records = _distinct_records(path, _sem_records(path, rows, second + 1, time))
     if len(records) != count:
         raise InputError(f"{path}:{len(rows)}: ends after {len(records)} satellites, but line 1 says {count}")
     return _own_system(path, records)
@@ -155,7 +155,7 @@ def _own_system(path: str | Path, records: tuple[AlmanacRecord, ...]) -> tuple[A
     return of_system
 
 
-def _distinct(path: str | Path, pairs: Iterable[tuple[int, AlmanacRecord]]) -> tuple[AlmanacRecord, ...]:
+def _distinct_records(path: str | Path, pairs: Iterable[tuple[int, AlmanacRecord]]) -> tuple[AlmanacRecord, ...]:
     """Return the records from pairs of first line and record; InputError if a satellite occurs twice."""
     records: list[AlmanacRecord] = []
     first_lines: dict[int, int] = {}
@@ -212,10 +212,10 @@ def _yuma_record(path: str | Path, lines: _Lines) -> AlmanacRecord:
         if field.name in values:
             raise InputError(f"{path}:{line}: {label!r} comes twice in one record")
         values[field.name] = number(f"{path}:{line}: {label}", value, field.bounds)
-    missing = [repr(field.label.partition("|")[0]) for field in _YUMA if field.name not in values]
-    if missing:
+    missing_labels = [repr(field.label.partition("|")[0]) for field in _YUMA if field.name not in values]
+    if missing_labels:
         last_line = lines[-1][0]
-        raise InputError(f"{path}:{last_line}: the record ends without {', '.join(missing)}")
+        raise InputError(f"{path}:{last_line}: the record ends without {', '.join(missing_labels)}")
     return AlmanacRecord(**values)  # type: ignore[arg-type]
 
 
@@ -230,7 +230,7 @@ def _yuma_field(label: str) -> _AlmanacField | None:
 _Row = tuple[int, list[str]]  # number and words of a line
 
 
-def _next(rows: list[_Row], start: int) -> int:
+def _next_line(rows: list[_Row], start: int) -> int:
     """Return the index of the first line from `start` on that is not blank; the number of lines if there is none."""
     for k in range(start, len(rows)):
         if rows[k][1]:
@@ -244,14 +244,14 @@ def _read_word(path: str | Path, row: _Row, index: int, field: _AlmanacField) ->
     if index >= len(words):
         raise InputError(f"{path}:{line}: {field.label} is missing")
     value = number(f"{path}:{line}: {field.label}", words[index], field.bounds)
-    return value if field.bounds.read is whole else value * field.unit
+    return value if field.bounds.read is integer else value * field.unit
 
 
 def _sem_records(
     path: str | Path, rows: list[_Row], start: int, time: dict[str, float]
 ) -> Iterator[tuple[int, AlmanacRecord]]:
     """Yield the satellites from a line on, each with its first line."""
-    first = _next(rows, start)
+    first = _next_line(rows, start)
     while first < len(rows):
         n_line = len(_SEM)
         lines = rows[first : first + n_line]
@@ -269,4 +269,4 @@ def _sem_records(
         values["inclination"] += REFERENCE_INCLINATION
         record = AlmanacRecord(**values)  # type: ignore[arg-type]
         yield first + 1, record
-        first = _next(rows, first + n_line)
+        first = _next_line(rows, first + n_line)

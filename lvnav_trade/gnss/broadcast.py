@@ -44,7 +44,7 @@ class BroadcastEphemerides(NamedTuple):
     node : (n_sat,) rad. Longitude of the ascending node at toe.
     node_rate : (n_sat,) rad/s. Relative to the Earth; of a tilted satellite relative to axes that do not turn.
     relativity_factor : (n_sat,) s/m^0.5. Factor of the relativistic clock term.
-    tilted : (n_sat,). Whether it is a geostationary satellite of BeiDou, whose elements refer to tilted axes.
+    is_geostationary : (n_sat,). Whether it is a geostationary satellite of BeiDou, whose elements refer to tilted axes.
     earth_rate : (n_sat,) rad/s. Earth rate of its system.
     systems : (n_sat,). Letter of its system.
     """
@@ -56,7 +56,7 @@ class BroadcastEphemerides(NamedTuple):
     node: Floats
     node_rate: Floats
     relativity_factor: Floats  # s/m^0.5
-    tilted: Bools
+    is_geostationary: Bools
     earth_rate: Floats
     systems: tuple[str, ...]
 
@@ -69,8 +69,8 @@ class BroadcastEphemerides(NamedTuple):
         elements = self.elements
         n = self.mean_motion
         e = elements["eccentricity"]
-        elapsed = t - elements["toe"]
-        mean_anomaly = elements["mean_anomaly"] + n * elapsed
+        time_from_epoch = t - elements["toe"]
+        mean_anomaly = elements["mean_anomaly"] + n * time_from_epoch
         anomaly = eccentric_anomaly(mean_anomaly, e)
         cos_e = np.cos(anomaly)
         sin_e = np.sin(anomaly)
@@ -83,11 +83,11 @@ class BroadcastEphemerides(NamedTuple):
         # second harmonics
         sin_twice = np.sin(2.0 * phase)
         cos_twice = np.cos(2.0 * phase)
-        twice = np.stack([sin_twice, cos_twice])
-        twice_rate = 2.0 * phase_rate * np.stack([cos_twice, -sin_twice])
-        du, du_rate = _harmonic(elements, "latitude", twice, twice_rate)
-        dr, dr_rate = _harmonic(elements, "radius", twice, twice_rate)
-        di, di_rate = _harmonic(elements, "inclination", twice, twice_rate)
+        harmonic = np.stack([sin_twice, cos_twice])
+        harmonic_rate = 2.0 * phase_rate * np.stack([cos_twice, -sin_twice])
+        du, du_rate = _harmonic(elements, "latitude", harmonic, harmonic_rate)
+        dr, dr_rate = _harmonic(elements, "radius", harmonic, harmonic_rate)
+        di, di_rate = _harmonic(elements, "inclination", harmonic, harmonic_rate)
         latitude = phase + du
         latitude_rate = phase_rate + du_rate
         radius = self.semi_major_axis * radius_ratio + dr
@@ -98,8 +98,8 @@ class BroadcastEphemerides(NamedTuple):
         y = radius * sin_u
         x_rate = radius_rate * cos_u - y * latitude_rate
         y_rate = radius_rate * sin_u + x * latitude_rate
-        node = self.node + self.node_rate * elapsed
-        inclination = elements["inclination"] + di + elements["inclination_rate"] * elapsed
+        node = self.node + self.node_rate * time_from_epoch
+        inclination = elements["inclination"] + di + elements["inclination_rate"] * time_from_epoch
         r_e, v_e = earth_fixed(
             np.stack([x, y]),
             np.stack([x_rate, y_rate]),
@@ -108,14 +108,14 @@ class BroadcastEphemerides(NamedTuple):
             inclination,
             elements["inclination_rate"] + di_rate,
         )
-        if np.any(self.tilted):
-            return self._rotate_tilted(r_e, v_e, elapsed)
+        if np.any(self.is_geostationary):
+            return self._rotate_geostationary(r_e, v_e, time_from_epoch)
         return r_e, v_e
 
-    def _rotate_tilted(self, r: Floats, v: Floats, elapsed: Floats) -> tuple[Floats, Floats]:
+    def _rotate_geostationary(self, r: Floats, v: Floats, time_from_epoch: Floats) -> tuple[Floats, Floats]:
         """Return positions and velocities (..., n_sat, 3) with those of tilted satellites rotated to Earth-fixed axes.
 
-        The rotation is about x by TILT, then about z by the rotation of the Earth in `elapsed` (..., n_sat) s.
+        The rotation is about x by TILT, then about z by the rotation of the Earth in `time_from_epoch` (..., n_sat) s.
         """
         cos_tilt = math.cos(TILT)
         sin_tilt = math.sin(TILT)
@@ -123,38 +123,40 @@ class BroadcastEphemerides(NamedTuple):
         y_axis = (0.0, cos_tilt, sin_tilt)
         z_axis = (0.0, -sin_tilt, cos_tilt)
         tilt = np.array([x_axis, y_axis, z_axis])
-        angle = self.earth_rate * elapsed
+        angle = self.earth_rate * time_from_epoch
         r_e = _rotate_z(r @ tilt.T, angle)
         v_e = _rotate_z(v @ tilt.T, angle)
         v_e[..., 0] += self.earth_rate * r_e[..., 1]
         v_e[..., 1] -= self.earth_rate * r_e[..., 0]
-        is_tilted = self.tilted[:, None]
-        return np.where(is_tilted, r_e, r), np.where(is_tilted, v_e, v)
+        is_geostationary = self.is_geostationary[:, None]
+        return np.where(is_geostationary, r_e, r), np.where(is_geostationary, v_e, v)
 
     def clock(self, t: Floats) -> Floats:
         """Return the clock offsets from system time by polynomial, (..., n_sat) s, without the relativistic term."""
         elements = self.elements
-        elapsed = t - elements["toc"]
-        drift = elements["clock_drift"] + elements["clock_drift_rate"] * elapsed
-        return np.asarray(elements["clock_bias"] + drift * elapsed)
+        time_from_epoch = t - elements["toc"]
+        drift = elements["clock_drift"] + elements["clock_drift_rate"] * time_from_epoch
+        return np.asarray(elements["clock_bias"] + drift * time_from_epoch)
 
     def relativity(self, t: Floats) -> Floats:
         """Return the relativistic clock term F e sqrt(A) sin E, (..., n_sat) s (IS-GPS-200, 20.3.3.3.3.1)."""
         e = self.elements["eccentricity"]
-        elapsed = t - self.elements["toe"]
-        mean_anomaly = self.elements["mean_anomaly"] + self.mean_motion * elapsed
+        time_from_epoch = t - self.elements["toe"]
+        mean_anomaly = self.elements["mean_anomaly"] + self.mean_motion * time_from_epoch
         anomaly = eccentric_anomaly(mean_anomaly, e)
         return np.asarray(self.relativity_factor * e * np.sqrt(self.semi_major_axis) * np.sin(anomaly))
 
 
-def _harmonic(elements: Mapping[str, Floats], name: str, twice: Floats, twice_rate: Floats) -> tuple[Floats, Floats]:
+def _harmonic(
+    elements: Mapping[str, Floats], name: str, harmonic: Floats, harmonic_rate: Floats
+) -> tuple[Floats, Floats]:
     """Return the second-harmonic correction of an orbit parameter, (..., n_sat), and its rate.
 
-    twice, twice_rate : (2, ..., n_sat). Sine and cosine of twice the argument of latitude, and their rates.
+    harmonic, harmonic_rate : (2, ..., n_sat). Sine and cosine of twice the argument of latitude, and their rates.
     """
     amplitudes = np.stack([elements[f"{name}_sin"], elements[f"{name}_cos"]])
-    correction = np.einsum("is,i...s->...s", amplitudes, twice)
-    rate = np.einsum("is,i...s->...s", amplitudes, twice_rate)
+    correction = np.einsum("is,i...s->...s", amplitudes, harmonic)
+    rate = np.einsum("is,i...s->...s", amplitudes, harmonic_rate)
     return correction, rate
 
 
@@ -168,7 +170,7 @@ def _rotate_z(vector: Floats, angle: Floats) -> Floats:
     return np.stack([rotated_x, rotated_y, z], axis=-1)
 
 
-def broadcast(ephemerides: Sequence[Ephemeris], reference: float) -> BroadcastEphemerides:
+def broadcast_ephemerides(ephemerides: Sequence[Ephemeris], reference: float) -> BroadcastEphemerides:
     """Return the satellites of the ephemerides, times counted from `reference` (s of GPS time), in the order given.
 
     Galileo system time is treated as GPS time: they agree to some tens of nanoseconds, less than a millimetre of orbit.
@@ -183,13 +185,13 @@ def broadcast(ephemerides: Sequence[Ephemeris], reference: float) -> BroadcastEp
     axis = elements["root_axis"] ** 2
     is_galileo = np.array([letter == "E" for letter in systems], dtype=bool)
     is_beidou = np.array([letter == "C" for letter in systems], dtype=bool)
-    tilted = np.array([name in GEOSTATIONARY for name in names], dtype=bool)
+    is_geostationary = np.array([name in GEOSTATIONARY for name in names], dtype=bool)
     gm = _system_constant(is_galileo, is_beidou, GM_GPS, GM_GALILEO, GM_BEIDOU)
     rate = np.where(is_beidou, EARTH_RATE_BEIDOU, EARTH_RATE_GPS)
     relativity = _system_constant(is_galileo, is_beidou, RELATIVITY_GPS, RELATIVITY_GALILEO, RELATIVITY_BEIDOU)
     kepler_motion = np.sqrt(gm / axis**3)
     node = elements["node"] - rate * elements["week_second"]
-    axes_rate = np.where(tilted, 0.0, rate)
+    axes_rate = np.where(is_geostationary, 0.0, rate)
     return BroadcastEphemerides(
         names=names,
         elements=elements | {"toe": toe, "toc": toc},
@@ -198,7 +200,7 @@ def broadcast(ephemerides: Sequence[Ephemeris], reference: float) -> BroadcastEp
         node=np.mod(node, 2.0 * np.pi),
         node_rate=elements["node_rate"] - axes_rate,
         relativity_factor=relativity,
-        tilted=tilted,
+        is_geostationary=is_geostationary,
         earth_rate=rate,
         systems=systems,
     )
@@ -246,13 +248,13 @@ class IntegratedStates(NamedTuple):
         last = max(1, math.ceil(steps.max()))
         nodes = _integrate(self, first, last)
         whole_steps = np.floor(steps).astype(np.int64)
-        below = np.clip(whole_steps, first, last - 1)
+        step_index = np.clip(whole_steps, first, last - 1)
         satellite = np.arange(self.start.size)
-        node = below - first
-        before = [values[node, satellite] for values in nodes]
-        after = [values[node + 1, satellite] for values in nodes]
-        fraction = steps - below
-        return _interpolate_step(before, after, fraction[..., None])
+        node = step_index - first
+        start_state = [values[node, satellite] for values in nodes]
+        end_state = [values[node + 1, satellite] for values in nodes]
+        fraction = steps - step_index
+        return _interpolate_step(start_state, end_state, fraction[..., None])
 
     def clock(self, t: Floats) -> Floats:
         """Return the broadcast clock offsets, (..., n_sat) s, which include the relativistic term."""
@@ -263,7 +265,7 @@ class IntegratedStates(NamedTuple):
         return np.zeros(np.broadcast_shapes(np.shape(t), self.start.shape))
 
 
-def integrated(states: Sequence[StateVector], reference: float) -> IntegratedStates:
+def integrated_states(states: Sequence[StateVector], reference: float) -> IntegratedStates:
     """Return the satellites of the states, times counted from `reference` (s of GPS time), in the order given."""
     return IntegratedStates(
         names=tuple(state.name for state in states),
@@ -369,18 +371,18 @@ def _step(r: Floats, v: Floats, a: Floats, h: float) -> tuple[Floats, Floats]:
     return r_after, v_after
 
 
-def _interpolate_step(before: list[Floats], after: list[Floats], s: Floats) -> tuple[Floats, Floats]:
+def _interpolate_step(start_state: list[Floats], end_state: list[Floats], s: Floats) -> tuple[Floats, Floats]:
     """Return position (m) and velocity (m/s) within a step, by the quintic Hermite polynomial.
 
     Parameters
     ----------
-    before, after : list of three (..., 3)
+    start_state, end_state : list of three (..., 3)
         Position (m), velocity (m/s) and acceleration (m/s^2) at both ends.
     s : (..., 1)
         Fraction of the step, 0 to 1.
     """
-    r0, v0, a0 = before
-    r1, v1, a1 = after
+    r0, v0, a0 = start_state
+    r1, v1, a1 = end_state
     # time in steps
     v0 = v0 * STEP
     v1 = v1 * STEP

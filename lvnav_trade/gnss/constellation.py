@@ -94,16 +94,16 @@ class NominalConstellation(SignalErrors, units.NamedCard):
 
     def _faults(self) -> Iterator[str]:
         yield from super()._faults()
-        if self.relativity and not any(_shape_of(self, slot)[0] for slot in self.slots):
+        if self.relativity and not any(_slot_shape(self, slot)[0] for slot in self.slots):
             yield "relativity: clocks of circular orbits have no periodic term; state an eccentricity"
 
     @field_validator("slots")
     @classmethod
     def _refuse_equal_names(cls, slots: tuple[Slot, ...]) -> tuple[Slot, ...]:
         names = [slot.name for slot in slots]
-        repeated = [name for name in names if names.count(name) > 1]
-        if repeated:  # draws are keyed by name
-            raise ValueError(f"two slots are named {repeated[0]!r}")
+        repeated_names = [name for name in names if names.count(name) > 1]
+        if repeated_names:  # draws are keyed by name
+            raise ValueError(f"two slots are named {repeated_names[0]!r}")
         return slots
 
 
@@ -187,7 +187,7 @@ class CombinedConstellation(units.NamedCard):
 Constellation = Part | CombinedConstellation
 
 
-def parts_of(constellation: Constellation) -> tuple[Part, ...]:
+def constellation_parts(constellation: Constellation) -> tuple[Part, ...]:
     """Return the parts of a combined constellation, or the constellation itself as its only part."""
     return constellation.parts if isinstance(constellation, CombinedConstellation) else (constellation,)
 
@@ -206,26 +206,26 @@ def orbits(constellation: NominalConstellation | AlmanacConstellation, epoch: st
     file = constellation.almanac
     is_beidou = constellation.system == "BeiDou"
     records = read_yuma(file) if is_beidou else read_almanac(file)
-    healthy = [record for record in records if record.health == 0]
-    if not healthy:
+    healthy_records = [record for record in records if record.health == 0]
+    if not healthy_records:
         raise InputError(f"{file}: no healthy satellite")
     lift_off = gps_seconds(epoch)
     resolve = resolve_beidou_week if is_beidou else resolve_week
-    usable = []
+    usable_records = []
     ages = []
     usable_ages = []
-    for record in healthy:
+    for record in healthy_records:
         age = lift_off - resolve(record.week, record.applicability, lift_off)
         ages.append(age)
         if abs(age) <= constellation.longest_age:
-            usable.append(record)
+            usable_records.append(record)
             usable_ages.append(age)
-    if not usable:
+    if not usable_records:
         days = min(ages, key=abs) / 86400.0
         limit = constellation.longest_age / 86400.0
         distance = f"{abs(days):.1f} days {'after' if days > 0.0 else 'before'} the time of applicability"
         raise InputError(f"{file}: the lift-off {epoch} is {distance}; longest_age allows {limit:g} days")
-    return _almanac_orbits(usable, np.array(usable_ages), is_beidou)
+    return _almanac_orbits(usable_records, np.array(usable_ages), is_beidou)
 
 
 def _nominal_orbits(card: NominalConstellation, epoch: str) -> Orbits:
@@ -233,13 +233,13 @@ def _nominal_orbits(card: NominalConstellation, epoch: str) -> Orbits:
 
     Rates of node, perigee and mean anomaly: Vallado, Fundamentals of Astrodynamics and Applications, section 9.6.
     """
-    elapsed = gps_seconds(epoch) - gps_seconds(card.epoch)
+    time_from_epoch = gps_seconds(epoch) - gps_seconds(card.epoch)
     n_slot = len(card.slots)
-    axis, inclination, node_rate, latitude_rate = np.array([_orbit_of(card, slot) for slot in card.slots]).T
-    eccentricity, perigee = np.array([_shape_of(card, slot) for slot in card.slots]).T
+    axis, inclination, node_rate, latitude_rate = np.array([_slot_orbit(card, slot) for slot in card.slots]).T
+    eccentricity, perigee = np.array([_slot_shape(card, slot) for slot in card.slots]).T
     node_at_card_epoch = np.array([slot.node for slot in card.slots]) - card.greenwich
-    node = node_at_card_epoch + (node_rate - EARTH_RATE_GPS) * elapsed
-    latitude = np.array([slot.latitude_argument for slot in card.slots]) + latitude_rate * elapsed
+    node = node_at_card_epoch + (node_rate - EARTH_RATE_GPS) * time_from_epoch
+    latitude = np.array([slot.latitude_argument for slot in card.slots]) + latitude_rate * time_from_epoch
     return Orbits(
         names=tuple(slot.name for slot in card.slots),
         semi_major_axis=axis,
@@ -256,7 +256,7 @@ def _nominal_orbits(card: NominalConstellation, epoch: str) -> Orbits:
     )
 
 
-def _shape_of(card: NominalConstellation, slot: Slot) -> tuple[float, float]:
+def _slot_shape(card: NominalConstellation, slot: Slot) -> tuple[float, float]:
     """Return eccentricity and argument of perigee (rad) of a slot.
 
     The perigee is not propagated: it rotates by less than a degree in a month, and the argument of latitude is correct.
@@ -266,16 +266,16 @@ def _shape_of(card: NominalConstellation, slot: Slot) -> tuple[float, float]:
     return eccentricity, perigee
 
 
-def _orbit_of(card: NominalConstellation, slot: Slot) -> tuple[float, float, float, float]:
+def _slot_orbit(card: NominalConstellation, slot: Slot) -> tuple[float, float, float, float]:
     """Return axis (m), inclination (rad), and rates (rad/s) of node and argument of latitude of a slot.
 
     Rates of the constellation do not apply to a slot with its own semi-major axis.
     """
     axis = slot.semi_major_axis or card.semi_major_axis
     inclination = card.inclination if slot.inclination is None else slot.inclination
-    common = card if slot.semi_major_axis is None else slot
-    node_rate = common.node_rate if slot.node_rate is None else slot.node_rate
-    latitude_rate = common.latitude_rate if slot.latitude_rate is None else slot.latitude_rate
+    rate_card = card if slot.semi_major_axis is None else slot
+    node_rate = rate_card.node_rate if slot.node_rate is None else slot.node_rate
+    latitude_rate = rate_card.latitude_rate if slot.latitude_rate is None else slot.latitude_rate
     n = math.sqrt(GM_GPS / axis**3)
     oblateness = 1.5 * n * J2 * (SEMI_MAJOR / axis) ** 2
     if node_rate is None:
@@ -288,7 +288,7 @@ def _orbit_of(card: NominalConstellation, slot: Slot) -> tuple[float, float, flo
     return axis, inclination, node_rate, latitude_rate
 
 
-def _almanac_orbits(records: list[AlmanacRecord], elapsed: Floats, is_beidou: bool) -> Orbits:
+def _almanac_orbits(records: list[AlmanacRecord], ages: Floats, is_beidou: bool) -> Orbits:
     """Propagate almanac elements to the reference time.
 
     The node counts from Greenwich at the start of the week. All BeiDou satellites, including geostationary satellites,
@@ -297,7 +297,7 @@ def _almanac_orbits(records: list[AlmanacRecord], elapsed: Floats, is_beidou: bo
     Parameters
     ----------
     records : list of AlmanacRecord
-    elapsed : (n_sat,) s
+    ages : (n_sat,) s
         Reference time minus time of applicability.
     is_beidou : bool
         Whether the satellites are of BeiDou; otherwise of GPS.
@@ -311,9 +311,9 @@ def _almanac_orbits(records: list[AlmanacRecord], elapsed: Floats, is_beidou: bo
     mean_motion = np.sqrt(gm / axis**3)
     node_at_applicability = elements["node"] - earth_rate * elements["applicability"]
     relative_rate = elements["node_rate"] - earth_rate
-    node = node_at_applicability + relative_rate * elapsed
-    mean_anomaly = elements["mean_anomaly"] + mean_motion * elapsed
-    clock_bias = elements["clock_bias"] + elements["clock_drift"] * elapsed
+    node = node_at_applicability + relative_rate * ages
+    mean_anomaly = elements["mean_anomaly"] + mean_motion * ages
+    clock_bias = elements["clock_bias"] + elements["clock_drift"] * ages
     return Orbits(
         names=tuple(f"{letter}{record.prn:02d}" for record in records),
         semi_major_axis=axis,

@@ -9,7 +9,7 @@ from lvnav_trade.gnss import delay_cards
 from lvnav_trade.kernels.earth import ECCENTRICITY_2, SEMI_MINOR
 from lvnav_trade.kernels.media import ionosphere, refractivity, troposphere
 from lvnav_trade.kernels.media.refractivity import EARTH_RADIUS, lowest_height, ray
-from lvnav_trade.quantities.reads import remembered
+from lvnav_trade.quantities.reads import result_cache
 from lvnav_trade.quantities.records import Floats
 
 BOTTOM, TOP = -1e3, 120e3  # m; below, the delay is that at the bottom; above, a rising ray has no delay
@@ -56,7 +56,7 @@ def troposphere_delay(model: delay_cards.TroposphereModel, geometry: DelayGeomet
     if isinstance(model, delay_cards.RayTracedTroposphere):
         lowest = lowest_height(latitude, height, geometry.azimuth, elevation)
         heights = np.broadcast_to(height, elevation.shape)
-        return interpolated(model, heights, elevation, lowest)
+        return ray_traced_delay(model, heights, elevation, lowest)
     if isinstance(model, delay_cards.AnyElevationTroposphere):
         radius = SEMI_MINOR / (1.0 - ECCENTRICITY_2 * np.sin(latitude) ** 2)  # Gaussian mean curvature of the ellipsoid
         return troposphere.any_elevation(
@@ -70,11 +70,11 @@ def troposphere_delay(model: delay_cards.TroposphereModel, geometry: DelayGeomet
             model.gain_law,
         )
     if isinstance(model, delay_cards.SpilkerTroposphere):
-        bounded = np.maximum(elevation, model.lowest)
-        return troposphere.spilker(bounded, height, model.zenith, model.scale_height, model.offset)
+        mapped_elevation = np.maximum(elevation, model.lowest)
+        return troposphere.spilker(mapped_elevation, height, model.zenith, model.scale_height, model.offset)
     if isinstance(model, delay_cards.StanagTroposphere):
-        bounded = np.maximum(elevation, model.lowest)
-        return troposphere.stanag(bounded, height, model.surface)
+        mapped_elevation = np.maximum(elevation, model.lowest)
+        return troposphere.stanag(mapped_elevation, height, model.surface)
     if isinstance(model, delay_cards.SaastamoinenTroposphere | delay_cards.NiellTroposphere):
         return _weather_delay(model, geometry, elevation)
     return np.zeros(elevation.shape)
@@ -88,14 +88,14 @@ def _weather_delay(
     """Return the tropospheric delay (n_epoch, n_sat) in m from the weather on the ground: zenith delays and mapping."""
     height = _column(geometry.height)
     latitude = _column(geometry.latitude)
-    bounded = np.maximum(elevation, model.lowest)
+    mapped_elevation = np.maximum(elevation, model.lowest)
     pressure, temperature, vapour = troposphere.weather(height, model.pressure, model.temperature, model.humidity)
     dry, wet = troposphere.saastamoinen_zenith(pressure, temperature, vapour, latitude, height)
     if isinstance(model, delay_cards.SaastamoinenTroposphere):
         zenith = dry + wet
-        return np.asarray(zenith / np.sin(bounded))
+        return np.asarray(zenith / np.sin(mapped_elevation))
     day_of_year = _column(geometry.day_of_year)
-    dry_mapping, wet_mapping = troposphere.niell(bounded, latitude, height, day_of_year)
+    dry_mapping, wet_mapping = troposphere.niell(mapped_elevation, latitude, height, day_of_year)
     return np.asarray(dry * dry_mapping + wet * wet_mapping)
 
 
@@ -151,7 +151,7 @@ def _surface_content(
         return model.vertical
     height = _column(geometry.height)
     shell = ionosphere.median_height(height, model.peak, model.scale_height)
-    latitude, longitude = ionosphere.pierced(
+    latitude, longitude = ionosphere.pierce_point(
         _column(geometry.latitude),
         _column(geometry.longitude),
         height,
@@ -171,10 +171,14 @@ def _column(value: float | Floats) -> Floats:
 def profile(card: delay_cards.RefractivityProfile) -> refractivity.SampledAtmosphere:
     """Return the refractivity profile of a card, sampled over height."""
     if card.kind == "standard":
-        return refractivity.sampled(lambda h: refractivity.standard_refractivity(h, card.wet, card.wet_scale_height))
+        return refractivity.sample_atmosphere(
+            lambda h: refractivity.standard_refractivity(h, card.wet, card.wet_scale_height)
+        )
     if card.kind == "bean_thayer":
-        return refractivity.sampled(lambda h: refractivity.bean_thayer_refractivity(h, card.surface))
-    return refractivity.sampled(lambda h: refractivity.exponential_refractivity(h, card.surface, card.scale_height))
+        return refractivity.sample_atmosphere(lambda h: refractivity.bean_thayer_refractivity(h, card.surface))
+    return refractivity.sample_atmosphere(
+        lambda h: refractivity.exponential_refractivity(h, card.surface, card.scale_height)
+    )
 
 
 def table(card: delay_cards.RayTracedTroposphere) -> tuple[RectBivariateSpline, RectBivariateSpline]:
@@ -182,7 +186,7 @@ def table(card: delay_cards.RayTracedTroposphere) -> tuple[RectBivariateSpline, 
     return _table(card, card)
 
 
-@remembered(8)
+@result_cache(8)
 def _table(_: delay_cards.RayTracedTroposphere, card: delay_cards.RayTracedTroposphere) -> tuple[Any, Any]:
     """Return the table of a model: two splines of ln(delay).
 
@@ -197,24 +201,26 @@ def _table(_: delay_cards.RayTracedTroposphere, card: delay_cards.RayTracedTropo
     heights = np.concatenate([low_heights, middle_heights, high_heights])
     height_column = heights[:, None]
     # rising rays: uniform in asinh(sin(elevation) / _FLAT)
-    rise = np.linspace(0.0, np.arcsinh(1.0 / _FLAT), 40)
-    elevation = np.arcsin(np.minimum(_FLAT * np.sinh(rise), 1.0))
+    scaled_elevation = np.linspace(0.0, np.arcsinh(1.0 / _FLAT), 40)
+    elevation = np.arcsin(np.minimum(_FLAT * np.sinh(scaled_elevation), 1.0))
     rising_delay = ray(air, height_column, elevation, card.satellite_radius).delay
     # descending rays, from the lowest point on: uniform in asinh(distance / _NEAR)
-    reach = np.linspace(0.0, np.arcsinh(FARTHEST / _NEAR), 46)
-    distance = _NEAR * np.sinh(reach)
+    scaled_distance = np.linspace(0.0, np.arcsinh(FARTHEST / _NEAR), 46)
+    distance = _NEAR * np.sinh(scaled_distance)
     lowest_radius = EARTH_RADIUS + height_column
     receiver_height = np.hypot(lowest_radius, distance) - EARTH_RADIUS
     dip = -np.arctan2(distance, lowest_radius)
     descending_delay = ray(air, receiver_height, dip, card.satellite_radius).delay
     log_rising = np.log(np.maximum(rising_delay, _LEAST))
     log_descending = np.log(np.maximum(descending_delay, _LEAST))
-    rising = RectBivariateSpline(heights, rise, log_rising)
-    descending = RectBivariateSpline(heights, reach, log_descending)
-    return rising, descending
+    rising_spline = RectBivariateSpline(heights, scaled_elevation, log_rising)
+    descending_spline = RectBivariateSpline(heights, scaled_distance, log_descending)
+    return rising_spline, descending_spline
 
 
-def interpolated(card: delay_cards.RayTracedTroposphere, height: Floats, elevation: Floats, lowest: Floats) -> Floats:
+def ray_traced_delay(
+    card: delay_cards.RayTracedTroposphere, height: Floats, elevation: Floats, lowest: Floats
+) -> Floats:
     """Return the ray-traced delay (...,) m from the table.
 
     Parameters
@@ -231,12 +237,12 @@ def interpolated(card: delay_cards.RayTracedTroposphere, height: Floats, elevati
     -----
     Interpolation errors are below 0.3 mm and 1e-4 of the delay (tested).
     """
-    rising, descending = table(card)
+    rising_spline, descending_spline = table(card)
     delay = np.zeros(elevation.shape)
     rises = (elevation >= 0.0) & (height < TOP)
-    rise = np.arcsinh(np.sin(elevation[rises]) / _FLAT)
+    scaled_elevation = np.arcsinh(np.sin(elevation[rises]) / _FLAT)
     rising_heights = np.maximum(height[rises], BOTTOM)
-    log_rising = rising.ev(rising_heights, rise)
+    log_rising = rising_spline.ev(rising_heights, scaled_elevation)
     delay[rises] = np.exp(log_rising)
     descends = (elevation < 0.0) & (lowest < TOP)
     lowest_heights = np.maximum(lowest[descends], BOTTOM)
@@ -244,7 +250,7 @@ def interpolated(card: delay_cards.RayTracedTroposphere, height: Floats, elevati
     # Pythagoras: d^2 = (R + h)^2 - (R + l)^2
     radius_sum = 2.0 * EARTH_RADIUS + height[descends] + lowest_heights
     distance = np.sqrt(drop * radius_sum)
-    reach = np.arcsinh(np.minimum(distance, FARTHEST) / _NEAR)
-    log_descending = descending.ev(lowest_heights, reach)
+    scaled_distance = np.arcsinh(np.minimum(distance, FARTHEST) / _NEAR)
+    log_descending = descending_spline.ev(lowest_heights, scaled_distance)
     delay[descends] = np.exp(log_descending)
     return delay

@@ -24,14 +24,14 @@ from lvnav_trade.quantities.units import (
     Pause,
     SignedFraction,
     Speed,
-    distinct,
+    require_distinct,
 )
 
 if TYPE_CHECKING:
     Flag = str
 else:
     Flag = Literal[FLAGS]
-Names = Annotated[tuple[str, ...], AfterValidator(distinct)]
+Names = Annotated[tuple[str, ...], AfterValidator(require_distinct)]
 
 
 class TimedFault(Conditions):
@@ -44,7 +44,7 @@ class TimedFault(Conditions):
 
     def _faults(self) -> Iterator[str]:
         yield from super()._faults()
-        if self.start is None and self.duration is None and not self.stated:
+        if self.start is None and self.duration is None and not self.condition_keys:
             yield "start: is missing, or a condition such as from or above"
         elif self.start is None and self.duration is not None:
             yield "duration: counts from a start, which is missing: add start, or give until, the time of its end"
@@ -67,7 +67,7 @@ class AntennaFailure(TimedFault):
     """Failure of antennas, given by their numbers from 1 in the receiver's list."""
 
     kind: Literal["antenna_failure"] = "antenna_failure"
-    antennas: Annotated[tuple[Annotated[int, Field(ge=1)], ...], AfterValidator(distinct)] = Field(min_length=1)
+    antennas: Annotated[tuple[Annotated[int, Field(ge=1)], ...], AfterValidator(require_distinct)] = Field(min_length=1)
 
 
 class DegradedNoise(TimedSatelliteFault):
@@ -101,15 +101,15 @@ class JumpFault(Conditions):
 
     def _faults(self) -> Iterator[str]:
         yield from super()._faults()
-        if (self.start is None) == (not self.stated):
+        if (self.start is None) == (not self.condition_keys):
             yield (
                 "start: is missing, or a condition such as from or above"
                 if self.start is None
-                else (f"start: {self.once} once, at its start or when its conditions begin to hold")
+                else (f"start: {self.jump_text} once, at its start or when its conditions begin to hold")
             )
 
     @property
-    def once(self) -> str:
+    def jump_text(self) -> str:
         """What jumps, in words."""
         return "a clock jumps"
 
@@ -136,7 +136,7 @@ class CycleSlip(JumpFault):
     size: float = Field(description="size in cycles of the carrier")
 
     @property
-    def once(self) -> str:
+    def jump_text(self) -> str:
         """What jumps, in words."""
         return "a phase slips"
 
@@ -205,9 +205,9 @@ class Jamming(TimedFault):
         yield from super()._faults()
         # compare with the defaults: the levels of an axis set every field, so that "given by the user" says nothing
         fields = type(self).model_fields
-        pointed = [name for name in ("azimuth", "elevation") if getattr(self, name) != fields[name].default]
-        if self.pattern is None and pointed:
-            yield f"{pointed[0]}: without a pattern the antenna radiates alike in all directions"
+        boresight_fields = [name for name in ("azimuth", "elevation") if getattr(self, name) != fields[name].default]
+        if self.pattern is None and boresight_fields:
+            yield f"{boresight_fields[0]}: without a pattern the antenna radiates alike in all directions"
 
 
 class LatencyChange(TimedFault):
@@ -307,5 +307,5 @@ def missing_axis(number: int, n_axis: int) -> str:
 
 def missing_satellite(name: str, names: Sequence[str]) -> str:
     """Return the message that a constellation has no satellite of this name, with some of its names."""
-    more = f" and {len(names) - 4} more" if len(names) > 4 else ""
-    return f"{name!r} is not in the constellation (it has {', '.join(names[:4])}{more})"
+    remainder_text = f" and {len(names) - 4} more" if len(names) > 4 else ""
+    return f"{name!r} is not in the constellation (it has {', '.join(names[:4])}{remainder_text})"

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from lvnav_trade.gnss.fault_cards import AnyFault, Jamming, Spoofing
-from lvnav_trade.gnss.faults import active
+from lvnav_trade.gnss.faults import active_intervals
 from lvnav_trade.gnss.link import LinkCard, gains, path_loss, pattern_gain
 from lvnav_trade.gnss.loops import LoopsCard
 from lvnav_trade.gnss.receiver_cards import ReceiverCard
@@ -45,7 +45,7 @@ def jamming_density(
         code_rate = LoopsCard.model_fields["code_rate"].default
     else:
         code_rate = receiver.loops.code_rate
-    for _, card, mask, *_ in active(faults, Jamming, trajectory.course, t):
+    for _, card, mask, *_ in active_intervals(faults, Jamming, trajectory.flight_profile, t):
         line, is_above_horizon = _jammer_line(card, trajectory.theta0, t, state.r_i)
         line_of_sight = sight(line, np.zeros_like(line))
         level = card.power - path_loss(link, line_of_sight.distance)
@@ -129,7 +129,7 @@ def _off_boresight(card: Jamming, theta0: float, t: Floats, outward: Floats) -> 
     return np.asarray(np.arccos(np.clip(cosine, -1.0, 1.0)))
 
 
-def effective(cn0: Floats, carrier: Floats, density: Floats) -> Floats:
+def cn0_under_jamming(cn0: Floats, carrier: Floats, density: Floats) -> Floats:
     """Return the effective C/N0 (dB-Hz) under jamming: 1 / (C/N0)_e = 1 / (C/N0) + J / (C Q R_c).
 
     Parameters
@@ -151,7 +151,7 @@ def effective(cn0: Floats, carrier: Floats, density: Floats) -> Floats:
     return effective_cn0
 
 
-def feigned(faults: Sequence[AnyFault], trajectory: Trajectory, t: Floats, r_i: Floats, true: Sight) -> Floats:
+def spoofer_errors(faults: Sequence[AnyFault], trajectory: Trajectory, t: Floats, r_i: Floats, true: Sight) -> Floats:
     """Return the errors of ranges (m) and range rates (m/s) due to spoofers, (n_epoch, n_sat, 2).
 
     The measurements become those of a false position that moves away from the antenna in its north, east, down axes,
@@ -168,18 +168,18 @@ def feigned(faults: Sequence[AnyFault], trajectory: Trajectory, t: Floats, r_i: 
         True lines of sight.
     """
     errors = np.zeros((*true.distance.shape, 2))
-    for _, card, mask, start, _ in active(faults, Spoofing, trajectory.course, t):
+    for _, card, mask, start, _ in active_intervals(faults, Spoofing, trajectory.flight_profile, t):
         theta = frames.earth_angle(trajectory.theta0, t)
         # false position and velocity relative to the true position and velocity
         C_i_n = frames.rotation_i_n(r_i, theta)
         velocity_n = np.array(card.velocity)
         earth_velocity = np.einsum("nij,i->nj", C_i_n, velocity_n)
-        elapsed = t - start
-        offset = earth_velocity * elapsed[:, None]
+        time_from_start = t - start
+        offset = earth_velocity * time_from_start[:, None]
         velocity = earth_velocity + np.cross([0.0, 0.0, OMEGA], offset)
         false_line = true.line - offset[:, None]
-        false_moving = true.moving - velocity[:, None]
-        false = sight(false_line, false_moving)
+        false_line_rate = true.line_rate - velocity[:, None]
+        false = sight(false_line, false_line_rate)
         range_error = false.distance - true.distance
         rate_error = false.rate - true.rate
         error = np.stack([range_error, rate_error], axis=2)

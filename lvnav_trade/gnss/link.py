@@ -56,10 +56,10 @@ def pattern_gain(pattern: CosineGain | TableGain, angle: Floats) -> Floats:
     """
     if isinstance(pattern, CosineGain):
         ahead = np.clip(np.cos(angle), 1e-30, None)
-        least = -pattern.front_to_back
-        fall = np.maximum(10.0 * pattern.exponent * np.log10(ahead), least)
+        lowest_gain = -pattern.front_to_back
+        lobe_gain = np.maximum(10.0 * pattern.exponent * np.log10(ahead), lowest_gain)
         is_ahead = angle < 0.5 * math.pi
-        relative_gain = np.where(is_ahead, fall, least)
+        relative_gain = np.where(is_ahead, lobe_gain, lowest_gain)
         return np.asarray(pattern.peak + relative_gain)
     return np.asarray(np.interp(angle, pattern.angle, pattern.gain))
 
@@ -179,8 +179,8 @@ def received_power(card: LinkCard, distance: Floats, off_nadir: Floats) -> Float
         Angle at the satellite between its nadir and the antenna.
     """
     transmit_gain = np.interp(off_nadir, card.transmit_angle, card.transmit_gain)
-    transmitted = card.transmit_power + transmit_gain
-    return np.asarray(transmitted - path_loss(card, distance) - card.loss)
+    radiated_power = card.transmit_power + transmit_gain
+    return np.asarray(radiated_power - path_loss(card, distance) - card.loss)
 
 
 def carrier_to_noise(card: LinkCard, power: Floats) -> Floats:

@@ -62,14 +62,14 @@ class LoopsCard(Card):
         return self.carrier_bandwidth / NATURAL[self.carrier_order]
 
     @property
-    def chip(self) -> float:
+    def chip_length(self) -> float:
         """Length of a chip of the code, m."""
         return SPEED_OF_LIGHT / self.code_rate
 
 
 def _ratio(cn0: Floats) -> Floats:
-    bounded = np.maximum(cn0, WEAKEST)
-    return np.asarray(10.0 ** (0.1 * bounded))
+    bounded_cn0 = np.maximum(cn0, WEAKEST)
+    return np.asarray(10.0 ** (0.1 * bounded_cn0))
 
 
 def code_sigma(card: LoopsCard, cn0: Floats) -> Floats:
@@ -97,7 +97,7 @@ def code_sigma(card: LoopsCard, cn0: Floats) -> Floats:
         shape = 1.0 / width
         squaring = 1.0 / (card.integration * c)
     variance = 0.5 * card.code_bandwidth / c * shape * (1.0 + squaring)  # in squared chips
-    return np.asarray(card.chip * np.sqrt(variance))
+    return np.asarray(card.chip_length * np.sqrt(variance))
 
 
 def phase_sigma(card: LoopsCard, cn0: Floats) -> Floats:
@@ -179,12 +179,12 @@ def lag(card: LoopsCard, acceleration: Floats, jerk: Floats, wavelength: float) 
         rad for a phase loop, Hz for a frequency loop.
     """
     n_derivative = card.carrier_order + (card.carrier == "fll")
-    along = acceleration if n_derivative == 2 else jerk
-    cycles = np.abs(along) / wavelength / card.natural_frequency**card.carrier_order
+    dynamics = acceleration if n_derivative == 2 else jerk
+    cycles = np.abs(dynamics) / wavelength / card.natural_frequency**card.carrier_order
     return np.asarray(2.0 * math.pi * cycles if card.carrier == "pll" else cycles)
 
 
-def shaking(card: LoopsCard, specific_force: Floats) -> Floats:
+def oscillator_jitter(card: LoopsCard, specific_force: Floats) -> Floats:
     """Return the phase jitter of the oscillator under specific force, (...,) rad, one sigma.
 
     Parameters
@@ -222,7 +222,7 @@ def coherence_loss(card: LoopsCard, trail: Floats, jitter: Floats) -> Floats:
     return np.asarray(np.minimum(loss, _LARGEST_LOSS))
 
 
-def holds(card: LoopsCard, cn0: Floats, trail: Floats, jitter: Floats, acceleration: Floats) -> Bools:
+def keeps_lock(card: LoopsCard, cn0: Floats, trail: Floats, jitter: Floats, acceleration: Floats) -> Bools:
     """Return whether carrier and code loop keep lock, (...,) bool.
 
     Parameters
@@ -249,5 +249,5 @@ def holds(card: LoopsCard, cn0: Floats, trail: Floats, jitter: Floats, accelerat
         carrier = frequency_error <= 0.25 / card.integration
     code_lag = 0.0 if card.code_aided else np.abs(acceleration) * (NATURAL[2] / card.code_bandwidth) ** 2
     code_error = 3.0 * code_sigma(card, cn0) + code_lag
-    code_limit = 0.5 * card.spacing * card.chip
+    code_limit = 0.5 * card.spacing * card.chip_length
     return np.asarray(carrier & (code_error <= code_limit))

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from lvnav_trade.quantities.errors import InputError, quoted
-from lvnav_trade.quantities.input_files import decimal_or_endless, read_bytes, whole
+from lvnav_trade.quantities.input_files import decimal_or_endless, integer, read_bytes
 from lvnav_trade.quantities.input_limits import DATA_BYTES
 
 GZIP_MAGIC = b"\x1f\x8b"
@@ -48,15 +48,15 @@ def number(where: str, text: str, bounds: NumberBounds) -> float:
     try:
         value = bounds.read(plain_text)
     except ValueError:
-        expected = "a whole number" if bounds.read is whole else "a number"
-        raise InputError(f"{where}: {quoted(text)} is not {expected}") from None
+        number_type = "a whole number" if bounds.read is integer else "a number"
+        raise InputError(f"{where}: {quoted(text)} is not {number_type}") from None
     if not bounds.low <= value <= bounds.high:  # also refuses nan and inf
         raise InputError(f"{where}: {text.strip()} is outside {bounds.low:g} to {bounds.high:g}")
     return value
 
 
-def read_lines(path: str | Path, what: str) -> list[str]:
-    """Return the lines of a text file, which may be compressed by gzip; `what` is the kind of file for messages.
+def read_lines(path: str | Path, file_type: str) -> list[str]:
+    """Return the lines of a text file, which may be compressed by gzip; `file_type` is the kind of file for messages.
 
     Characters outside ASCII occur only in names and remarks, so that their encoding does not matter. InputError if the
     file cannot be read, is a truncated gzip file or a .Z file, or is not text.
@@ -70,14 +70,14 @@ def read_lines(path: str | Path, what: str) -> list[str]:
     if data.startswith(COMPRESS_MAGIC):
         raise InputError(f"{path}: packed by 'compress' (.Z); unpack it, or pack it by gzip")
     if b"\0" in data:
-        raise InputError(f"{path}:1: not a text file, so not a {what}")
+        raise InputError(f"{path}:1: not a text file, so not a {file_type}")
     return data.decode("latin-1").splitlines()
 
 
 def _unpack(path: str | Path, data: bytes) -> bytes:
     """Return the content of a gzip file; InputError if it is larger than `DATA_BYTES`."""
-    with gzip.GzipFile(fileobj=io.BytesIO(data)) as packed:
-        content = packed.read(DATA_BYTES + 1)
+    with gzip.GzipFile(fileobj=io.BytesIO(data)) as archive:
+        content = archive.read(DATA_BYTES + 1)
     if len(content) > DATA_BYTES:
         raise InputError(f"{path}: unpacked more than {DATA_BYTES} bytes")
     return content

@@ -15,7 +15,7 @@ import numpy as np
 from lvnav_trade.gnss.navigation_lines import NumberBounds, number, read_lines
 from lvnav_trade.kernels.clock import SPEED_OF_LIGHT
 from lvnav_trade.quantities.errors import InputError
-from lvnav_trade.quantities.input_files import decimal, whole
+from lvnav_trade.quantities.input_files import decimal, integer
 from lvnav_trade.quantities.records import Floats
 from lvnav_trade.quantities.times import GPS_ORIGIN
 
@@ -84,12 +84,12 @@ class PreciseEphemerides(NamedTuple):
         shape = np.broadcast_shapes(np.shape(t), (n_sat,))
         place = np.broadcast_to((t - self.t[0]) / step, shape)
         whole_place = np.floor(place).astype(int)
-        below = np.clip(whole_place, 0, self.t.size - 2)
+        node = np.clip(whole_place, 0, self.t.size - 2)
         satellite = np.arange(n_sat)
-        fraction = place - below
-        before = self.clocks[below, satellite]
-        after = self.clocks[below + 1, satellite]
-        return np.asarray((1.0 - fraction) * before + fraction * after)
+        fraction = place - node
+        node_clock = self.clocks[node, satellite]
+        next_clock = self.clocks[node + 1, satellite]
+        return np.asarray((1.0 - fraction) * node_clock + fraction * next_clock)
 
     def relativity(self, t: Floats) -> Floats:
         """Return the relativistic clock term -2 r.v / c^2, (..., n_sat) s, which SP3 clocks do not contain."""
@@ -108,8 +108,8 @@ class PreciseEphemerides(NamedTuple):
             raise InputError(
                 f"orbits: the flight goes beyond them, {self.t[0]:g} to {self.t[-1]:g} s from its lift-off"
             )
-        below = np.floor(place).astype(int)
-        first = np.clip(below - NODES // 2 + 1, 0, self.t.size - NODES)
+        node = np.floor(place).astype(int)
+        first = np.clip(node - NODES // 2 + 1, 0, self.t.size - NODES)
         centre = 0.5 * (NODES - 1)
         from_centre = place - first - centre
         return first, from_centre
@@ -219,16 +219,16 @@ def _time(where: str, line: str) -> float:
     """Return the time of an epoch line, s of GPS time."""
     words = line[1:].split()
     try:
-        year, month, day, hour, minute = map(whole, words[:5])
+        year, month, day, hour, minute = map(integer, words[:5])
         seconds = decimal(words[5])
         moment = datetime(year, month, day, hour, minute, tzinfo=UTC)
-        elapsed = moment - GPS_ORIGIN
-        return elapsed.total_seconds() + seconds
+        gps_time = moment - GPS_ORIGIN
+        return gps_time.total_seconds() + seconds
     except (ValueError, IndexError, OverflowError):
         raise InputError(f"{where}: not a time of an SP3 file") from None
 
 
-def precise(files: Sequence[PreciseFile], names: Sequence[str], reference: float) -> PreciseEphemerides:
+def precise_ephemerides(files: Sequence[PreciseFile], names: Sequence[str], reference: float) -> PreciseEphemerides:
     """Return the satellites with position and clock at every node near a reference time.
 
     Parameters
@@ -254,9 +254,9 @@ def precise(files: Sequence[PreciseFile], names: Sequence[str], reference: float
     place = (reference - t[0]) / steps[0]
     if not _MARGIN - 1 <= place <= t.size - _MARGIN:
         raise InputError(f"the lift-off needs {_MARGIN} epochs before it and behind it; it is at epoch {place:.1f}")
-    below = int(place)
-    near = slice(max(0, below - NODES), below + 2 * NODES)
-    nodes = first_of_equal[near]
+    node = int(place)
+    nearby_nodes = slice(max(0, node - NODES), node + 2 * NODES)
+    nodes = first_of_equal[nearby_nodes]
     complete_names = []
     positions = []
     clocks = []
@@ -278,7 +278,7 @@ def precise(files: Sequence[PreciseFile], names: Sequence[str], reference: float
     return PreciseEphemerides(
         names=tuple(complete_names),
         systems=tuple(name[0] for name in complete_names),
-        t=t[near] - reference,
+        t=t[nearby_nodes] - reference,
         r_e=np.stack(positions, axis=1),
         clocks=np.stack(clocks, axis=1),
     )

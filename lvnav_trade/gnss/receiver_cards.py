@@ -74,7 +74,7 @@ class _Solver(units.Card):
 
     @model_validator(mode="before")
     @classmethod
-    def _renamed(cls, data: Any) -> Any:
+    def _refuse_old_keys(cls, data: Any) -> Any:
         """Refuse the keys of earlier versions with the key that replaces them."""
         for key, message in cls.OLD_KEYS.items():
             if isinstance(data, Mapping) and key in data:
@@ -82,8 +82,8 @@ class _Solver(units.Card):
         return data
 
 
-def _values(card: units.Card, without: set[str]) -> dict[str, Any]:
-    return {name: getattr(card, name) for name in type(card).model_fields if name not in without}
+def _values(card: units.Card, excluded_fields: set[str]) -> dict[str, Any]:
+    return {name: getattr(card, name) for name in type(card).model_fields if name not in excluded_fields}
 
 
 class DirectSolution(units.Card):
@@ -186,8 +186,8 @@ class FilteredSolution(_Solver):
 
     def numbers(self) -> dict[str, Any]:
         """Return the settings of the filter, SI, by the names of `FilterSettings`."""
-        driven = {"jerk", "jerk_gain", "acceleration_noise", "acceleration_gain"}
-        values = _values(self, {"kind", "reported_covariance", "point", "reported", "smoothing", *driven})
+        drive_fields = {"jerk", "jerk_gain", "acceleration_noise", "acceleration_gain"}
+        values = _values(self, {"kind", "reported_covariance", "point", "reported", "smoothing", *drive_fields})
         drive = (self.acceleration_noise, self.acceleration_gain) if self.jerk is None else (self.jerk, self.jerk_gain)
         return values | {"acceleration": self.jerk is not None, "drive_sigma": drive[0], "drive_gain": drive[1]}
 

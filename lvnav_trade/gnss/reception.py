@@ -9,9 +9,18 @@ from numpy.typing import NDArray
 
 from lvnav_trade.gnss.fault_cards import AnyFault, Jamming
 from lvnav_trade.gnss.faults import highest
-from lvnav_trade.gnss.interference import effective, jamming_density
+from lvnav_trade.gnss.interference import cn0_under_jamming, jamming_density
 from lvnav_trade.gnss.link import carrier_to_noise, gains, received_power
-from lvnav_trade.gnss.loops import LoopsCard, code_sigma, coherence_loss, holds, lag, phase_sigma, rate_sigma, shaking
+from lvnav_trade.gnss.loops import (
+    LoopsCard,
+    code_sigma,
+    coherence_loss,
+    keeps_lock,
+    lag,
+    oscillator_jitter,
+    phase_sigma,
+    rate_sigma,
+)
 from lvnav_trade.gnss.receiver_cards import ReceiverCard
 from lvnav_trade.gnss.tracking import (
     DEAF,
@@ -22,7 +31,7 @@ from lvnav_trade.gnss.tracking import (
     WEAK,
     ChannelSignals,
     TrackingCard,
-    continuous,
+    is_continuous,
     track,
 )
 from lvnav_trade.quantities.frames import earth_angle, ecef_from_eci, geodetic_from_ecef, matrices
@@ -78,9 +87,9 @@ class Arrival(NamedTuple):
     distance : (n_epoch, n_sat) m. Distance to the satellite.
     off_nadir : (n_epoch, n_sat) rad. Angle from the satellite's nadir to the vehicle.
     elevation : (n_epoch, n_sat) rad. Elevation of the satellite.
-    pull : (n_epoch, n_sat) m/s^2. Range acceleration without the contribution of the antenna.
-    expected : (n_epoch, n_sat). Whether it is above the mask and not hidden by the Earth.
-    faulty : (n_epoch, n_sat). Whether a fault removes it.
+    range_acceleration : (n_epoch, n_sat) m/s^2. Range acceleration without the contribution of the antenna.
+    is_in_view : (n_epoch, n_sat). Whether it is above the mask and not hidden by the Earth.
+    is_faulty : (n_epoch, n_sat). Whether a fault removes it.
     """
 
     t: Floats
@@ -89,18 +98,18 @@ class Arrival(NamedTuple):
     distance: Floats
     off_nadir: Floats
     elevation: Floats
-    pull: Floats
-    expected: Bools
-    faulty: Bools
+    range_acceleration: Floats
+    is_in_view: Bools
+    is_faulty: Bools
 
 
 class Reception(NamedTuple):
     """Reception of the signals without noise; see records.Sky."""
 
-    tracked: Bools  # (n_epoch, n_sat), whether the satellite is measured
+    is_tracked: Bools  # (n_epoch, n_sat), whether the satellite is measured
     antenna: Ints  # (n_epoch, n_sat), antenna that receives it best
     cn0: Floats  # (n_epoch, n_sat) dB-Hz, C/N0 in the tracking loops
-    every_cn0: Floats  # (n_epoch, n_sat) dB-Hz, also of signals that are not received; NaN without a link
+    all_cn0: Floats  # (n_epoch, n_sat) dB-Hz, also of signals that are not received; NaN without a link
     continuous: Bools  # (n_epoch, n_sat), whether the carrier was tracked since the previous epoch
     state: NDArray[np.int8]  # (n_epoch, n_sat), state of the receiver's channel
     transitions: tuple[ChannelTransition, ...]  # state changes of the channels in order of time
@@ -124,16 +133,16 @@ class _ReceivedSignals(NamedTuple):
 
     antenna : Antenna that receives the satellite best.
     cn0 : dB-Hz. C/N0 in the tracking loops.
-    received : Whether an antenna receives the signal.
-    locked : Whether the loops keep lock.
-    locked_at_rest : Whether they would keep lock if the vehicle were at rest.
+    is_received : Whether an antenna receives the signal.
+    is_locked : Whether the loops keep lock.
+    is_locked_at_rest : Whether they would keep lock if the vehicle were at rest.
     """
 
     antenna: Ints
     cn0: Floats
-    received: Bools
-    locked: Bools
-    locked_at_rest: Bools
+    is_received: Bools
+    is_locked: Bools
+    is_locked_at_rest: Bools
 
 
 def receive(
@@ -143,7 +152,7 @@ def receive(
     antenna_alive: Bools | None = None,
     faults: Sequence[AnyFault] = (),
 ) -> Reception:
-    """Return the reception of the signals: antenna, C/N0, lock and tracked satellites. For the noise see `noise_of`.
+    """Return the reception of the signals: antenna, C/N0, lock and tracked satellites. Noise: see `noise_sigmas`.
 
     Parameters
     ----------
@@ -163,27 +172,27 @@ def receive(
     steps = _steps(arrival.t, receiver)
     signals = _receive_signals(receiver, trajectory, arrival, steps, antenna_alive, faults)
     epoch_steps = np.arange(n_epoch) * steps.per_interval
-    locked = signals.locked[epoch_steps]
+    is_locked = signals.is_locked[epoch_steps]
     transitions: tuple[ChannelTransition, ...] = ()
     if receiver.tracking is None:  # every step is an epoch
-        tracked = highest(arrival.elevation, arrival.expected & ~arrival.faulty & locked, receiver.channels)
-        state = np.where(tracked, TRACK, IDLE).astype(np.int8)
-        tracked_at_steps = tracked
+        is_tracked = highest(arrival.elevation, arrival.is_in_view & ~arrival.is_faulty & is_locked, receiver.channels)
+        state = np.where(is_tracked, TRACK, IDLE).astype(np.int8)
+        tracked_at_steps = is_tracked
     else:
         channel_signals = _channel_signals(receiver, receiver.tracking, arrival, steps, signals)
         states, transitions = track(receiver.tracking, receiver.channels, arrival.names, channel_signals)
         state = states[epoch_steps]
         # A channel that waits for its signal to return is still in state TRACK but measures nothing.
-        tracked = (state == TRACK) & locked & ~arrival.faulty
-        tracked_at_steps = (states == TRACK) & signals.locked & ~arrival.faulty[steps.owner]
+        is_tracked = (state == TRACK) & is_locked & ~arrival.is_faulty
+        tracked_at_steps = (states == TRACK) & signals.is_locked & ~arrival.is_faulty[steps.owner]
     cn0 = signals.cn0[epoch_steps]
-    has_cn0 = signals.received[epoch_steps] & (receiver.link is not None)
+    has_cn0 = signals.is_received[epoch_steps] & (receiver.link is not None)
     return Reception(
-        tracked=tracked,
+        is_tracked=is_tracked,
         antenna=signals.antenna[epoch_steps],
         cn0=np.where(has_cn0, cn0, np.nan),
-        every_cn0=cn0,
-        continuous=continuous(
+        all_cn0=cn0,
+        continuous=is_continuous(
             receiver.cycle_slips,
             arrival.names,
             steps.t,
@@ -199,25 +208,25 @@ def receive(
 
 def _simple_reception(receiver: ReceiverCard, arrival: Arrival) -> Reception:
     """Return the reception of a receiver that always measures the highest satellites above its mask."""
-    tracked = highest(arrival.elevation, arrival.expected & ~arrival.faulty, receiver.channels)
-    antenna = np.zeros(tracked.shape, dtype=np.int64)
-    unknown = np.full(tracked.shape, np.nan)
+    is_tracked = highest(arrival.elevation, arrival.is_in_view & ~arrival.is_faulty, receiver.channels)
+    antenna = np.zeros(is_tracked.shape, dtype=np.int64)
+    no_cn0 = np.full(is_tracked.shape, np.nan)
     epochs = np.arange(arrival.t.size)
     return Reception(
-        tracked=tracked,
+        is_tracked=is_tracked,
         antenna=antenna,
-        cn0=unknown,
-        every_cn0=unknown,
-        continuous=continuous(
+        cn0=no_cn0,
+        all_cn0=no_cn0,
+        continuous=is_continuous(
             receiver.cycle_slips,
             arrival.names,
             arrival.t,
             epochs,
-            tracked,
+            is_tracked,
             antenna,
-            unknown,
+            no_cn0,
         ),
-        state=np.where(tracked, TRACK, IDLE).astype(np.int8),
+        state=np.where(is_tracked, TRACK, IDLE).astype(np.int8),
         transitions=(),
     )
 
@@ -265,26 +274,26 @@ def _receive_signals(
         antenna_gains = np.where(antenna_alive[steps.owner][:, None, :], antenna_gains, -np.inf)
     antenna = np.argmax(antenna_gains, axis=-1)
     gain = np.take_along_axis(antenna_gains, antenna[..., None], axis=-1)[..., 0]
-    received = np.isfinite(gain)
+    is_received = np.isfinite(gain)
     if link is None:
-        return _ReceivedSignals(antenna, gain, received, received, received)
+        return _ReceivedSignals(antenna, gain, is_received, is_received, is_received)
     power = received_power(link, arrival.distance, arrival.off_nadir)[steps.owner] + gain
     cn0_at_rest = carrier_to_noise(link, power)
     if any(isinstance(fault, Jamming) for fault in faults):
         density = jamming_density(faults, link, receiver, trajectory, steps.t, state)
-        cn0_at_rest = effective(cn0_at_rest, power, np.take_along_axis(density, antenna, axis=1))
+        cn0_at_rest = cn0_under_jamming(cn0_at_rest, power, np.take_along_axis(density, antenna, axis=1))
     floor = -np.inf if receiver.tracking is None else receiver.tracking.track_above
-    strong_at_rest = received & (cn0_at_rest >= floor)
+    is_strong_at_rest = is_received & (cn0_at_rest >= floor)
     if loops is None:
-        return _ReceivedSignals(antenna, cn0_at_rest, received, strong_at_rest, strong_at_rest)
+        return _ReceivedSignals(antenna, cn0_at_rest, is_received, is_strong_at_rest, is_strong_at_rest)
     zero = np.zeros(cn0_at_rest.shape)
-    locked_at_rest = strong_at_rest & holds(loops, cn0_at_rest, zero, zero + loops.jitter, zero)
+    is_locked_at_rest = is_strong_at_rest & keeps_lock(loops, cn0_at_rest, zero, zero + loops.jitter, zero)
     acceleration, jerk = _dynamics(receiver, loops, trajectory, arrival, steps, antenna)
     loop_lag = lag(loops, acceleration, jerk, link.wavelength)
-    jitter = shaking(loops, np.linalg.norm(state.f_b, axis=-1))[:, None] + zero
+    jitter = oscillator_jitter(loops, np.linalg.norm(state.f_b, axis=-1))[:, None] + zero
     cn0 = cn0_at_rest - coherence_loss(loops, loop_lag, jitter)
-    locked = received & (cn0 >= floor) & holds(loops, cn0, loop_lag, jitter, acceleration)
-    return _ReceivedSignals(antenna, cn0, received, locked, locked_at_rest)
+    is_locked = is_received & (cn0 >= floor) & keeps_lock(loops, cn0, loop_lag, jitter, acceleration)
+    return _ReceivedSignals(antenna, cn0, is_received, is_locked, is_locked_at_rest)
 
 
 def _dynamics(
@@ -303,7 +312,7 @@ def _dynamics(
     acceleration = np.zeros(antenna.shape)
     jerk = np.zeros(antenna.shape)
     if arrival.t.size < 2:
-        return np.abs(arrival.pull), jerk
+        return np.abs(arrival.range_acceleration), jerk
     longest_step = float(np.max(np.diff(arrival.t))) / steps.per_interval
     per_step = max(1, math.ceil(SAMPLES * longest_step * loops.natural_frequency - 1e-6))
     n_interval = arrival.t.size - 1
@@ -313,7 +322,7 @@ def _dynamics(
     span = np.diff(t)[:, None]
     state = motion(trajectory, t)
     C_b_i = matrices(state.q_b_i)
-    towards = np.swapaxes(arrival.direction_i[1:], 1, 2)
+    line_of_sight = np.swapaxes(arrival.direction_i[1:], 1, 2)
     lever_arms, arm_of_antenna = np.unique(np.array(receiver.lever_arms), axis=0, return_inverse=True)
     arm = arm_of_antenna.ravel()[antenna]
     for number, lever_b in enumerate(lever_arms):
@@ -321,9 +330,9 @@ def _dynamics(
         mean_acceleration = _rate(np.diff(v_i, axis=0), span)
         acceleration_change = np.diff(mean_acceleration, axis=0, prepend=mean_acceleration[:1])
         mean_jerk = _rate(acceleration_change, span)
-        along_line = mean_acceleration.reshape(n_interval, per_interval, 3) @ towards
-        range_acceleration = arrival.pull[1:, None, :] - along_line
-        range_jerk = mean_jerk.reshape(n_interval, per_interval, 3) @ towards
+        along_line = mean_acceleration.reshape(n_interval, per_interval, 3) @ line_of_sight
+        range_acceleration = arrival.range_acceleration[1:, None, :] - along_line
+        range_jerk = mean_jerk.reshape(n_interval, per_interval, 3) @ line_of_sight
         _copy_largest(acceleration, range_acceleration, per_step, arm == number)
         _copy_largest(jerk, range_jerk, per_step, arm == number)
     return acceleration, jerk
@@ -337,36 +346,44 @@ def _rate(change: Floats, span: Floats) -> Floats:
     return np.divide(change, span, out=np.zeros_like(change), where=span > 0.0)
 
 
-def _copy_largest(largest: Floats, values: Floats, per_step: int, selected: Bools) -> None:
+def _copy_largest(largest: Floats, values: Floats, per_step: int, is_selected: Bools) -> None:
     """Set the selected (n_step, n_sat) elements to the largest magnitude of the `per_step` values of each step.
 
     The first epoch, which no interval precedes, has the value of the first step.
     """
-    of_step = np.abs(values).reshape(-1, per_step, largest.shape[1]).max(axis=1)
-    np.copyto(largest[1:], of_step, where=selected[1:])
-    np.copyto(largest[:1], of_step[:1], where=selected[:1])
+    step_largest = np.abs(values).reshape(-1, per_step, largest.shape[1]).max(axis=1)
+    np.copyto(largest[1:], step_largest, where=is_selected[1:])
+    np.copyto(largest[:1], step_largest[:1], where=is_selected[:1])
 
 
 def _channel_signals(
     receiver: ReceiverCard, tracking: TrackingCard, arrival: Arrival, steps: _Steps, signals: _ReceivedSignals
 ) -> ChannelSignals:
     """Return the signals as the channels see them; of several causes of loss only the dominant cause is given."""
-    expected = arrival.expected[steps.owner]
+    is_in_view = arrival.is_in_view[steps.owner]
     # in order of precedence: the first condition that is true gives the cause
-    conditions = [~expected, arrival.faulty[steps.owner], ~signals.received, signals.locked, ~signals.locked_at_rest]
+    conditions = [
+        ~is_in_view,
+        arrival.is_faulty[steps.owner],
+        ~signals.is_received,
+        signals.is_locked,
+        ~signals.is_locked_at_rest,
+    ]
     causes = [HIDDEN, FAULT, DEAF, HELD, WEAK]
     cause = np.select(conditions, causes, DYNAMICS).astype(np.int8)
-    strong = (cause == HELD) & (receiver.link is None or signals.cn0 >= tracking.acquire_above)
+    is_strong = (cause == HELD) & (receiver.link is None or signals.cn0 >= tracking.acquire_above)
     return ChannelSignals(
         t=steps.t,
-        expected=expected,
+        is_in_view=is_in_view,
         cause=cause,
-        strong=strong,
+        is_strong=is_strong,
         elevation=arrival.elevation[steps.owner],
     )
 
 
-def noise_of(receiver: ReceiverCard, trajectory: Trajectory, t: Floats, cn0: Floats) -> tuple[Floats, Floats, Floats]:
+def noise_sigmas(
+    receiver: ReceiverCard, trajectory: Trajectory, t: Floats, cn0: Floats
+) -> tuple[Floats, Floats, Floats]:
     """Return the sigmas of range (m), range rate (m/s) and carrier phase (m), (n_epoch, n_sat) each.
 
     Each is the root sum of squares of loop noise and the sigma of the card, times the factors of the noise tables and
@@ -392,8 +409,8 @@ def _thermal(receiver: ReceiverCard, cn0: Floats) -> tuple[Floats | float, Float
     card_sigmas = receiver.pseudorange_sigma, receiver.range_rate_sigma, receiver.carrier_phase_sigma
     if loops is None or link is None:
         return card_sigmas
-    bounded = np.maximum(cn0, 0.0)  # no loop tracks weaker signals; the bound keeps their sigmas finite
-    code = code_sigma(loops, bounded)
-    rate = rate_sigma(loops, bounded, link.wavelength)
-    phase = phase_sigma(loops, bounded) * link.wavelength / (2.0 * math.pi)
+    bounded_cn0 = np.maximum(cn0, 0.0)  # no loop tracks weaker signals; the bound keeps their sigmas finite
+    code = code_sigma(loops, bounded_cn0)
+    rate = rate_sigma(loops, bounded_cn0, link.wavelength)
+    phase = phase_sigma(loops, bounded_cn0) * link.wavelength / (2.0 * math.pi)
     return np.hypot(card_sigmas[0], code), np.hypot(card_sigmas[1], rate), np.hypot(card_sigmas[2], phase)

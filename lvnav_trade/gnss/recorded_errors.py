@@ -10,12 +10,12 @@ from lvnav_trade.kernels.earth import OMEGA
 from lvnav_trade.quantities.data_file import read_columns, refuse_first, refuse_unordered
 from lvnav_trade.quantities.errors import InputError
 from lvnav_trade.quantities.frames import rotation_i_e, rotation_i_n
-from lvnav_trade.quantities.reads import remembered
+from lvnav_trade.quantities.reads import result_cache
 from lvnav_trade.quantities.records import Floats
 from lvnav_trade.quantities.units import Card, Fraction, Pause
 from lvnav_trade.trajectory.files.columns import LengthUnit, SpeedUnit, Three, TimeColumn
-from lvnav_trade.trajectory.files.row_fit import content_of
-from lvnav_trade.trajectory.files.rows import si
+from lvnav_trade.trajectory.files.row_fit import file_digest
+from lvnav_trade.trajectory.files.rows import si_factor
 
 FEWEST = 2
 MOST_STARTS = 400
@@ -35,13 +35,13 @@ class _ErrorColumns(Card):
     unit: str | None
 
     def _faults(self) -> Iterator[str]:
-        if not self.known_unit:
+        if not self.column_unit:
             names = ", ".join(self.columns)
             endings = ", ".join(f"_{ending}" for ending in _ENDINGS[self.SI])
             yield f"unit is missing, and the columns {names} do not all end in one of {endings}"
 
     @property
-    def known_unit(self) -> str:
+    def column_unit(self) -> str:
         """Unit of the card, or else the common ending of the columns' names."""
         if self.unit:
             return self.unit
@@ -116,10 +116,10 @@ class ErrorRecording(NamedTuple):
 
 def recording(card: ErrorTable) -> ErrorRecording:
     """Return the rows of a card's file; InputError names file, row and error."""
-    return _recording((card.model_dump_json(), content_of(card.file)), card)
+    return _recording((card.model_dump_json(), file_digest(card.file)), card)
 
 
-@remembered(4)
+@result_cache(4)
 def _recording(identity: tuple[str, str], card: ErrorTable) -> ErrorRecording:
     """Return the rows of a card, cached by `identity`: the card and the digest of its file."""
     names = [card.time.column, *card.position.columns]
@@ -128,7 +128,7 @@ def _recording(identity: tuple[str, str], card: ErrorTable) -> ErrorRecording:
     names = list(dict.fromkeys(names))
     table, places = read_columns(card.file, names, card.delimiter, FEWEST, "a recording")
     time_column = table[:, names.index(card.time.column)]
-    t = (time_column - card.time.liftoff) * si(card.time.unit, "s")
+    t = (time_column - card.time.liftoff) * si_factor(card.time.unit, "s")
     interval = refuse_unordered(t, card.file, places)
     median = float(np.median(interval))
     largest = _GAP * median if card.largest_gap is None else card.largest_gap
@@ -167,7 +167,7 @@ def _read_errors(table: Floats, names: list[str], columns: _ErrorColumns, truth_
     indices = [names.index(name) for name in columns.columns]
     values = table[:, indices]
     sign = -1.0 if truth_minus_solution else 1.0
-    scale = si(columns.known_unit, columns.SI)
+    scale = si_factor(columns.column_unit, columns.SI)
     return np.asarray(values * scale * sign)
 
 
@@ -212,7 +212,7 @@ def refuse_short(card: ErrorTable, start: float, end: float) -> None:
         )
 
 
-def sampled(card: ErrorTable, t: Floats) -> Floats:
+def sample_errors(card: ErrorTable, t: Floats) -> Floats:
     """Return the errors of each start at given times, (n_start, n, 6) m and m/s, frame of the table.
 
     Parameters
@@ -226,8 +226,8 @@ def sampled(card: ErrorTable, t: Floats) -> Floats:
     sample_times = t[None, :]
     if card.outside == "repeat":
         start_shifts = rows.period * np.arange(card.starts) / card.starts
-        shifted = t[None, :] + start_shifts[:, None] - times[0]
-        sample_times = times[0] + np.mod(shifted, rows.period)
+        table_time = t[None, :] + start_shifts[:, None] - times[0]
+        sample_times = times[0] + np.mod(table_time, rows.period)
         # the first row again, after a period
         times = np.append(times, times[0] + rows.period)
         errors = np.vstack([errors, errors[:1]])
@@ -240,7 +240,7 @@ def sampled(card: ErrorTable, t: Floats) -> Floats:
     return samples
 
 
-def in_frame_i(errors: Floats, frame: str, r_i: Floats, theta: Floats) -> Floats:
+def inertial_errors(errors: Floats, frame: str, r_i: Floats, theta: Floats) -> Floats:
     """Return errors of position and velocity in frame i, (..., n, 6).
 
     A position error d in Earth-fixed axes adds OMEGA x d to the error of the inertial velocity.

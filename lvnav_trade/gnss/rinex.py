@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from lvnav_trade.gnss.navigation_lines import NumberBounds, number, read_lines
 from lvnav_trade.quantities.errors import InputError
-from lvnav_trade.quantities.input_files import decimal, whole
+from lvnav_trade.quantities.input_files import decimal, integer
 from lvnav_trade.quantities.times import BDT_BEHIND, BDT_WEEKS, GPS_ORIGIN, SECONDS_PER_WEEK, leap_seconds
 
 WIDTH = 19  # of a number
@@ -86,7 +86,7 @@ class NavigationFile(NamedTuple):
     states: tuple[StateVector, ...]
     klobuchar: tuple[tuple[float, ...], tuple[float, ...]] | None
     offsets: tuple[TimeOffset, ...] = ()
-    broken: tuple[BrokenRecord, ...] = ()
+    broken_records: tuple[BrokenRecord, ...] = ()
 
 
 class _RinexField(NamedTuple):
@@ -182,7 +182,7 @@ def read_navigation(path: str | Path) -> NavigationFile:
     header = _header(path, lines)
     ephemerides: list[Ephemeris] = []
     states: list[StateVector] = []
-    broken: list[BrokenRecord] = []
+    broken_records: list[BrokenRecord] = []
     for record in _records(path, form, lines, len(header) + 1):
         try:
             if record.name[0] == "R":
@@ -190,15 +190,16 @@ def read_navigation(path: str | Path) -> NavigationFile:
             else:
                 ephemerides.append(_ephemeris(record, form))
         except InputError as error:
-            broken.append(BrokenRecord(record.name, str(error), _is_unhealthy(record, form)))
+            broken_records.append(BrokenRecord(record.name, str(error), _is_unhealthy(record, form)))
     if not ephemerides and not states:
-        raise InputError(broken[0].fault if broken else f"{path}: no record of GPS, Galileo, BeiDou or GLONASS")
+        no_records = f"{path}: no record of GPS, Galileo, BeiDou or GLONASS"
+        raise InputError(broken_records[0].fault if broken_records else no_records)
     return NavigationFile(
         ephemerides=tuple(ephemerides),
         states=tuple(states),
         klobuchar=_klobuchar(path, header),
         offsets=tuple(_offsets(path, header)),
-        broken=tuple(broken),
+        broken_records=tuple(broken_records),
     )
 
 
@@ -333,7 +334,7 @@ def _moment(record: _Record, form: _Format) -> tuple[datetime, float]:
     text = record.lines[0][form.margin - 1 : form.margin + WIDTH]
     words = text.split()
     try:
-        year, month, day, hour, minute = map(whole, words[:5])
+        year, month, day, hour, minute = map(integer, words[:5])
         second = decimal(words[5])
         if form.version == 2:
             year += 1900 if year >= 80 else 2000

@@ -6,7 +6,7 @@ from typing import NamedTuple, TypeVar
 
 import numpy as np
 
-from lvnav_trade.gnss.broadcast import BroadcastEphemerides, IntegratedStates, broadcast, integrated
+from lvnav_trade.gnss.broadcast import BroadcastEphemerides, IntegratedStates, broadcast_ephemerides, integrated_states
 from lvnav_trade.gnss.constellation import (
     LETTERS,
     AlmanacConstellation,
@@ -15,11 +15,11 @@ from lvnav_trade.gnss.constellation import (
     Part,
     PreciseConstellation,
     RinexConstellation,
+    constellation_parts,
     orbits,
-    parts_of,
 )
 from lvnav_trade.gnss.kepler import Orbits
-from lvnav_trade.gnss.precise import PreciseEphemerides, precise, read_positions
+from lvnav_trade.gnss.precise import PreciseEphemerides, precise_ephemerides, read_positions
 from lvnav_trade.gnss.rinex import Ephemeris, NavigationFile, StateVector, TimeOffset, read_navigation
 from lvnav_trade.kernels.clock import SPEED_OF_LIGHT
 from lvnav_trade.quantities.errors import InputError
@@ -44,26 +44,26 @@ _NO_URA, _NO_SISA = 6144.0, 255.0  # m
 class CombinedSatellites(NamedTuple):
     """Several sets of satellites in succession, with orbits from different kinds of data.
 
-    Times t, (..., n_sat) or (..., 1), are in s of GPS time since lift-off.
+    groups : Sets of satellites, in order. Times t, (..., n_sat) or (..., 1), are in s of GPS time since lift-off.
     """
 
-    parts: "tuple[Satellites, ...]"
+    groups: "tuple[Satellites, ...]"
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names such as "G05", (n_sat,), part after part."""
-        return tuple(name for group in self.parts for name in group.names)
+        """Names such as "G05", (n_sat,), group after group."""
+        return tuple(name for group in self.groups for name in group.names)
 
     @property
     def systems(self) -> tuple[str, ...]:
         """Letters as in RINEX, (n_sat,): G (GPS), E (Galileo), R (GLONASS)."""
-        return tuple(letter for group in self.parts for letter in group.systems)
+        return tuple(letter for group in self.groups for letter in group.systems)
 
     def ecef(self, t: Floats) -> tuple[Floats, Floats]:
         """Return position (m) and Earth-relative velocity (m/s), (..., n_sat, 3) each, in the Earth-fixed axes of t."""
         positions = []
         velocities = []
-        for group, times in self._split(t):
+        for group, times in self._split_times(t):
             r_e, v_e = group.ecef(times)
             positions.append(r_e)
             velocities.append(v_e)
@@ -73,21 +73,21 @@ class CombinedSatellites(NamedTuple):
 
     def clock(self, t: Floats) -> Floats:
         """Return the clock offsets from system time, (..., n_sat) s, without the relativistic term."""
-        clocks = [group.clock(times) for group, times in self._split(t)]
+        clocks = [group.clock(times) for group, times in self._split_times(t)]
         return np.concatenate(clocks, axis=-1)
 
     def relativity(self, t: Floats) -> Floats:
         """Return the relativistic clock term due to the eccentricity of the orbit, (..., n_sat) s."""
-        terms = [group.relativity(times) for group, times in self._split(t)]
+        terms = [group.relativity(times) for group, times in self._split_times(t)]
         return np.concatenate(terms, axis=-1)
 
-    def _split(self, t: Floats) -> "list[tuple[Satellites, Floats]]":
-        sizes = [len(group.names) for group in self.parts]
+    def _split_times(self, t: Floats) -> "list[tuple[Satellites, Floats]]":
+        sizes = [len(group.names) for group in self.groups]
         shape = np.broadcast_shapes(np.shape(t), (sum(sizes),))
         times = np.broadcast_to(t, shape)
         ends = np.cumsum(sizes)
         part_times = np.split(times, ends[:-1], axis=-1)
-        return list(zip(self.parts, part_times, strict=True))
+        return list(zip(self.groups, part_times, strict=True))
 
 
 Satellites = Orbits | BroadcastEphemerides | IntegratedStates | PreciseEphemerides | CombinedSatellites
@@ -107,23 +107,23 @@ def satellites(constellation: Constellation, epoch: str) -> Satellites:
     """
     if not isinstance(constellation, CombinedConstellation):
         return _part_satellites(constellation, epoch)
-    combined = CombinedSatellites(tuple(_part_satellites(part, epoch) for part in constellation.parts))
+    combined_satellites = CombinedSatellites(tuple(_part_satellites(card, epoch) for card in constellation.parts))
     letters: list[str] = []
-    for system_satellites in combined.parts:
+    for system_satellites in combined_satellites.groups:
         letters += sorted(set(system_satellites.systems))
-    shared = [_NAMES[letter] for letter in letters if letters.count(letter) > 1]
-    if shared:
-        raise InputError(f"two parts of the combined constellation give {shared[0]}")
-    repeated = [name for name in combined.names if combined.names.count(name) > 1]
-    if repeated:  # draws are keyed by name
-        raise InputError(f"two parts of the combined constellation name a satellite {repeated[0]}")
-    return combined
+    shared_systems = [_NAMES[letter] for letter in letters if letters.count(letter) > 1]
+    if shared_systems:
+        raise InputError(f"two parts of the combined constellation give {shared_systems[0]}")
+    repeated_names = [name for name in combined_satellites.names if combined_satellites.names.count(name) > 1]
+    if repeated_names:  # draws are keyed by name
+        raise InputError(f"two parts of the combined constellation name a satellite {repeated_names[0]}")
+    return combined_satellites
 
 
-def content(constellation: Constellation) -> str:
+def file_digests(constellation: Constellation) -> str:
     """Return digests of the files of a constellation, empty without files; InputError if a file cannot be read."""
     digests = []
-    for card in parts_of(constellation):
+    for card in constellation_parts(constellation):
         for file in _files(card):
             file_content = read_bytes(file, DATA_BYTES)
             digest = hashlib.sha256(file_content).hexdigest()
@@ -155,7 +155,7 @@ def _precise_satellites(card: PreciseConstellation, epoch: str) -> Satellites:
     letters = [LETTERS[system] for system in card.systems or LETTERS]
     names = {name for file in files for name in file.r_e if name[0] in letters}
     try:
-        return precise(files, sorted(names), gps_seconds(epoch))
+        return precise_ephemerides(files, sorted(names), gps_seconds(epoch))
     except InputError as error:
         raise InputError(f"{', '.join(_files(card))}: {error}") from None
 
@@ -179,38 +179,38 @@ def _broadcast_satellites(card: RinexConstellation, epoch: str) -> Satellites:
     """Return the satellites of navigation files in the order of their names, GLONASS after the other systems."""
     lift_off = gps_seconds(epoch)
     files, navigation, records, letters = _contents(card)
-    usable: list[Ephemeris | StateVector] = []
+    usable_records: list[Ephemeris | StateVector] = []
     for letter in letters:
         system_records = [record for record in records if record.name[0] == letter]
-        latest = nearest(system_records, lift_off)
-        healthy = [record for record in latest.values() if is_usable(record)]
-        if not healthy:
+        latest = nearest_records(system_records, lift_off)
+        healthy_records = [record for record in latest.values() if is_usable(record)]
+        if not healthy_records:
             fault = "" if latest else _first_fault(navigation, letter)
             raise InputError(fault or f"{files}: no healthy satellite of {_NAMES[letter]}")
         limit = LONGEST_AGE[letter] if card.longest_age is None else card.longest_age
-        recent = [record for record in healthy if abs(_time(record) - lift_off) <= limit]
-        if not recent:
-            ages = [lift_off - _time(record) for record in healthy]
+        recent_records = [record for record in healthy_records if abs(_time(record) - lift_off) <= limit]
+        if not recent_records:
+            ages = [lift_off - _time(record) for record in healthy_records]
             smallest_age = min(ages, key=abs)
-            message = _too_far(smallest_age, epoch, _NAMES[letter], limit)
+            message = _age_message(smallest_age, epoch, _NAMES[letter], limit)
             raise InputError(f"{files}: {message}")
-        usable += recent
-    usable.sort(key=lambda record: record.name)
-    ephemerides = [record for record in usable if isinstance(record, Ephemeris)]
-    states = [record for record in usable if isinstance(record, StateVector)]
+        usable_records += recent_records
+    usable_records.sort(key=lambda record: record.name)
+    ephemerides = [record for record in usable_records if isinstance(record, Ephemeris)]
+    states = [record for record in usable_records if isinstance(record, StateVector)]
     if not states:
-        return broadcast(ephemerides, lift_off)
+        return broadcast_ephemerides(ephemerides, lift_off)
     if not ephemerides:
-        return integrated(states, lift_off)
-    kepler_satellites = broadcast(ephemerides, lift_off)
-    glonass_satellites = integrated(states, lift_off)
+        return integrated_states(states, lift_off)
+    kepler_satellites = broadcast_ephemerides(ephemerides, lift_off)
+    glonass_satellites = integrated_states(states, lift_off)
     return CombinedSatellites((kepler_satellites, glonass_satellites))
 
 
 def _first_fault(navigation: list[NavigationFile], letter: str) -> str:
     """Return the fault of the first broken record of a system, empty if there is none."""
     for file in navigation:
-        for record in file.broken:
+        for record in file.broken_records:
             if record.name[0] == letter:
                 return record.fault
     return ""
@@ -229,28 +229,28 @@ def is_usable(item: Ephemeris | StateVector) -> bool:
     return item.health == 0.0 and 0.0 <= item.accuracy <= _NO_URA
 
 
-def left_out(constellation: Constellation) -> list[str]:
+def broken_record_remarks(constellation: Constellation) -> list[str]:
     """Return a remark for each navigation file with broken records of satellites in use, except unhealthy satellites.
 
     InputError if a file cannot be read.
     """
     lines = []
-    for card in parts_of(constellation):
+    for card in constellation_parts(constellation):
         if not isinstance(card, RinexConstellation):
             continue
         systems = LETTERS if card.systems is None else card.systems
         letters = [LETTERS[system] for system in systems]
         for file in _files(card):
-            broken = []
-            for record in read_navigation(file).broken:
+            broken_records = []
+            for record in read_navigation(file).broken_records:
                 if record.name[0] in letters and not record.is_unhealthy:
-                    broken.append(record)
-            if broken:
-                satellite_names = {record.name for record in broken}
+                    broken_records.append(record)
+            if broken_records:
+                satellite_names = {record.name for record in broken_records}
                 names = ", ".join(sorted(satellite_names))
-                plural = "s" if len(broken) > 1 else ""
-                count = f"{len(broken)} broken record{plural} of {names}"
-                place = broken[0].fault.removeprefix(f"{file}:")
+                plural = "s" if len(broken_records) > 1 else ""
+                count = f"{len(broken_records)} broken record{plural} of {names}"
+                place = broken_records[0].fault.removeprefix(f"{file}:")
                 lines.append(f"{file}: {count} left out, the first at line {place}")
     return lines
 
@@ -258,18 +258,18 @@ def left_out(constellation: Constellation) -> list[str]:
 _Item = TypeVar("_Item", bound=Ephemeris | StateVector)
 
 
-def nearest(items: Iterable[_Item], time: float) -> dict[str, _Item]:
+def nearest_records(items: Iterable[_Item], time: float) -> dict[str, _Item]:
     """Return by name the record of each satellite whose reference time is nearest to `time` (s of GPS time).
 
     Among Galileo records with the same reference time that of the message on E1 (I/NAV) is preferred.
     """
-    ranked: dict[str, tuple[tuple[float, bool], _Item]] = {}
+    records: dict[str, tuple[tuple[float, bool], _Item]] = {}
     for item in items:
         distance = abs(_time(item) - time)
         rank = (distance, _is_other_message(item))
-        if item.name not in ranked or rank < ranked[item.name][0]:
-            ranked[item.name] = (rank, item)
-    return {name: item for name, (_, item) in ranked.items()}
+        if item.name not in records or rank < records[item.name][0]:
+            records[item.name] = (rank, item)
+    return {name: item for name, (_, item) in records.items()}
 
 
 def _is_other_message(item: Ephemeris | StateVector) -> bool:
@@ -284,7 +284,7 @@ def _time(item: Ephemeris | StateVector) -> float:
     return item.toe if isinstance(item, Ephemeris) else item.time
 
 
-def _too_far(age: float, epoch: str, system: str, limit: float) -> str:
+def _age_message(age: float, epoch: str, system: str, limit: float) -> str:
     """Return the message that the nearest ephemeris of a system is older or younger than the limit.
 
     Parameters
@@ -328,7 +328,7 @@ def time_offsets(constellation: Constellation, systems: tuple[str, ...], epoch: 
         The correction for a system is to be ignored, but no file has one.
     """
     errors = np.zeros((t.size, len(systems), 2))
-    for card in parts_of(constellation):
+    for card in constellation_parts(constellation):
         if not isinstance(card, RinexConstellation) or card.time_correction == "applied":
             continue
         files, navigation, _, letters = _contents(card)
@@ -339,10 +339,10 @@ def time_offsets(constellation: Constellation, systems: tuple[str, ...], epoch: 
                 raise InputError(f"{files}: no TIME SYSTEM CORR between {_NAMES[letter]} and GPS time to ignore")
             age = lift_off + t - offset.time if offset.drift != 0.0 else np.zeros(t.size)
             bias = offset.bias + offset.drift * age
-            in_system = np.array(systems) == letter
+            is_of_system = np.array(systems) == letter
             range_error = -SPEED_OF_LIGHT * bias
-            errors[:, in_system, 0] = range_error[:, None]
-            errors[:, in_system, 1] = -SPEED_OF_LIGHT * offset.drift
+            errors[:, is_of_system, 0] = range_error[:, None]
+            errors[:, is_of_system, 1] = -SPEED_OF_LIGHT * offset.drift
     return errors
 
 
@@ -361,7 +361,7 @@ def _nearest_offset(navigation: list[NavigationFile], letter: str, time: float) 
     return min(offsets, key=lambda offset: abs(time - offset.time), default=None)
 
 
-def clock_relativity(constellation: Constellation, epoch: str, sent: Floats) -> Floats:
+def clock_relativity(constellation: Constellation, epoch: str, transmission_times: Floats) -> Floats:
     """Return the relativistic clock term of the satellites, (..., n_sat) s; zero for constellations without it.
 
     Parameters
@@ -369,7 +369,7 @@ def clock_relativity(constellation: Constellation, epoch: str, sent: Floats) -> 
     constellation : card
     epoch : str
         Lift-off (ISO 8601, UTC).
-    sent : (..., n_sat) s since lift-off
+    transmission_times : (..., n_sat) s since lift-off
         Times of transmission.
 
     Raises
@@ -377,12 +377,12 @@ def clock_relativity(constellation: Constellation, epoch: str, sent: Floats) -> 
     InputError
         As for `satellites`.
     """
-    terms = np.zeros(sent.shape)
+    terms = np.zeros(transmission_times.shape)
     first = 0
-    for card in parts_of(constellation):
+    for card in constellation_parts(constellation):
         system_satellites = _part_satellites(card, epoch)
-        after = first + len(system_satellites.names)
+        end = first + len(system_satellites.names)
         if card.relativity:
-            terms[..., first:after] = system_satellites.relativity(sent[..., first:after])
-        first = after
+            terms[..., first:end] = system_satellites.relativity(transmission_times[..., first:end])
+        first = end
     return terms

@@ -68,20 +68,20 @@ class ChannelSignals(NamedTuple):
     """Signals at the steps of the channels.
 
     t : (n_step,) s since lift-off.
-    expected : (n_step, n_sat). Whether the satellite is above the mask and not hidden by the Earth, by the almanac.
+    is_in_view : (n_step, n_sat). Whether the satellite is above the mask and not hidden by the Earth, by the almanac.
     cause : (n_step, n_sat). Cause of loss of lock, as in `CAUSES`; 0: the loops keep lock.
-    strong : (n_step, n_sat). Whether the signal is strong enough for acquisition.
+    is_strong : (n_step, n_sat). Whether the signal is strong enough for acquisition.
     elevation : (n_step, n_sat) rad. Elevation of the satellite.
     """
 
     t: Floats
-    expected: Bools
+    is_in_view: Bools
     cause: NDArray[np.int8]
-    strong: Bools
+    is_strong: Bools
     elevation: Floats
 
 
-def share(card: TrackingCard, satellite: str, t: float) -> float:
+def search_fraction(card: TrackingCard, satellite: str, t: float) -> float:
     """Return the point, between 0 and 1, at which a search pass finds the satellite.
 
     The draw depends on realisation, satellite and time (in milliseconds) only, not on other searches.
@@ -129,7 +129,7 @@ def track(
     signals : ChannelSignals
     """
     receiver = _Channels(card, channels, names, signals)
-    states = np.zeros(signals.expected.shape, dtype=np.int8)
+    states = np.zeros(signals.is_in_view.shape, dtype=np.int8)
     if card.start == "tracking" and signals.t.size:
         receiver.begin()
     for step in range(signals.t.size):
@@ -142,13 +142,13 @@ class _Channels:
     """State of the channels over time; times in s, NaN for none.
 
     state : (n_sat,). State of each satellite, as in `records.TRACKING`.
-    lossy : (n_step, n_sat). Whether the loops lose lock.
-    failing : (n_sat,). Start of the present loss of lock of a busy channel.
-    found : (n_sat,). Time at which the search pass reaches the signal.
-    due : (n_sat,). End of the pass or of the pull-in.
-    lost : (n_sat,). Time of the loss of the satellite.
-    vain : (n_sat,). Number of unsuccessful passes since the last success.
-    next : Earliest of the times `found` and `due`.
+    is_unlocked : (n_step, n_sat). Whether the loops lose lock.
+    loss_start : (n_sat,). Start of the present loss of lock of a busy channel.
+    find_time : (n_sat,). Time at which the search pass reaches the signal.
+    end_time : (n_sat,). End of the pass or of the pull-in.
+    loss_time : (n_sat,). Time of the loss of the satellite.
+    failed_passes : (n_sat,). Number of unsuccessful passes since the last success.
+    next_time : Earliest of the times `find_time` and `end_time`.
     """
 
     def __init__(self, card: TrackingCard, channels: int, names: tuple[str, ...], signals: ChannelSignals) -> None:
@@ -158,46 +158,46 @@ class _Channels:
         self.names = names
         self.signals = signals
         self.state = np.zeros(n_sat, dtype=np.int8)
-        self.lossy = signals.cause != HELD
-        self.failing = np.full(n_sat, np.nan)
-        self.found = np.full(n_sat, np.nan)
-        self.due = np.full(n_sat, np.nan)
-        self.lost = np.full(n_sat, np.nan)
-        self.vain = np.zeros(n_sat, dtype=int)
-        self.next = np.inf
+        self.is_unlocked = signals.cause != HELD
+        self.loss_start = np.full(n_sat, np.nan)
+        self.find_time = np.full(n_sat, np.nan)
+        self.end_time = np.full(n_sat, np.nan)
+        self.loss_time = np.full(n_sat, np.nan)
+        self.failed_passes = np.zeros(n_sat, dtype=int)
+        self.next_time = np.inf
         self.transitions: list[ChannelTransition] = []
 
     def begin(self) -> None:
         """Track the highest satellites in view from the first step on, as many as there are channels."""
-        in_view = self.signals.expected[0] & ~self.lossy[0]
-        elevation = np.where(in_view, self.signals.elevation[0], -np.inf)
+        is_in_view = self.signals.is_in_view[0] & ~self.is_unlocked[0]
+        elevation = np.where(is_in_view, self.signals.elevation[0], -np.inf)
         order = np.argsort(-elevation, kind="stable")
-        n_tracked = min(self.channels, int(in_view.sum()))
+        n_tracked = min(self.channels, int(is_in_view.sum()))
         for sat in order[:n_tracked]:
             self._change_state(0, int(sat), TRACK, "tracked from the start")
 
     def advance(self, step: int) -> None:
         """Advance all channels to a step: losses of lock, then ended searches and pull-ins, then new searches."""
         t = float(self.signals.t[step])
-        hidden = ~self.signals.expected[step] & (self.state != IDLE)
-        for sat in np.flatnonzero(hidden):
-            self.lost[sat] = np.nan
-            self.vain[sat] = 0
+        is_hidden = ~self.signals.is_in_view[step] & (self.state != IDLE)
+        for sat in np.flatnonzero(is_hidden):
+            self.loss_time[sat] = np.nan
+            self.failed_passes[sat] = 0
             self._change_state(step, int(sat), IDLE, CAUSES[HIDDEN])
-        busy = (self.state == TRACK) | (self.state == ACQUIRE)
-        lossy = self.lossy[step]
-        is_failing = lossy | ~np.isnan(self.failing)
-        if np.any(busy & is_failing):
-            for sat in np.flatnonzero(busy):
-                self._check_lock(step, t, int(sat), bool(lossy[sat]))
-        if t >= self.next:
-            in_pass = (self.state == SEARCH) | (self.state == ACQUIRE)
-            for sat in np.flatnonzero(in_pass):
+        is_busy = (self.state == TRACK) | (self.state == ACQUIRE)
+        is_unlocked = self.is_unlocked[step]
+        is_failing = is_unlocked | ~np.isnan(self.loss_start)
+        if np.any(is_busy & is_failing):
+            for sat in np.flatnonzero(is_busy):
+                self._check_lock(step, t, int(sat), bool(is_unlocked[sat]))
+        if t >= self.next_time:
+            is_searching = (self.state == SEARCH) | (self.state == ACQUIRE)
+            for sat in np.flatnonzero(is_searching):
                 self._end_pass(step, t, int(sat))
             self._schedule()
         self._start_searches(step, t)
 
-    def _check_lock(self, step: int, t: float, sat: int, is_lossy: bool) -> None:
+    def _check_lock(self, step: int, t: float, sat: int, is_unlocked: bool) -> None:
         """Drop a satellite without lock for longer than the coasting time, or during pull-in.
 
         Parameters
@@ -208,67 +208,67 @@ class _Channels:
             Its time (s since lift-off).
         sat : int
             Index of the satellite.
-        is_lossy : bool
+        is_unlocked : bool
             Whether its loops lose lock at this step.
         """
-        if not is_lossy:
-            self.failing[sat] = np.nan
+        if not is_unlocked:
+            self.loss_start[sat] = np.nan
             return
-        if np.isnan(self.failing[sat]):
-            self.failing[sat] = t
-        if t - self.failing[sat] >= self.card.coast or self.state[sat] == ACQUIRE:
+        if np.isnan(self.loss_start[sat]):
+            self.loss_start[sat] = t
+        if t - self.loss_start[sat] >= self.card.coast or self.state[sat] == ACQUIRE:
             if self.state[sat] == TRACK:
-                self.lost[sat] = t
+                self.loss_time[sat] = t
             cause = int(self.signals.cause[step, sat])
             self._free_channel(step, sat, CAUSES[cause])
 
     def _free_channel(self, step: int, sat: int, reason: str) -> None:
         """Free the channel. A satellite that was tracked before becomes LOST, any other IDLE."""
-        self._change_state(step, sat, IDLE if np.isnan(self.lost[sat]) else LOST, reason)
+        self._change_state(step, sat, IDLE if np.isnan(self.loss_time[sat]) else LOST, reason)
 
     def _end_pass(self, step: int, t: float, sat: int) -> None:
         """End a pass that has reached the signal or its own end, or a pull-in."""
         if self.state[sat] == ACQUIRE:
-            if t >= self.due[sat]:
-                self.lost[sat] = np.nan
+            if t >= self.end_time[sat]:
+                self.loss_time[sat] = np.nan
                 self._change_state(step, sat, TRACK, "loops closed")
-        elif t >= self.found[sat] and self.signals.strong[step, sat]:
-            self.vain[sat] = 0
+        elif t >= self.find_time[sat] and self.signals.is_strong[step, sat]:
+            self.failed_passes[sat] = 0
             self._change_state(step, sat, ACQUIRE, "found")
-            self.due[sat] = t + self.card.pull_in
-        elif t >= self.due[sat]:
-            self.vain[sat] += 1
+            self.end_time[sat] = t + self.card.pull_in
+        elif t >= self.end_time[sat]:
+            self.failed_passes[sat] += 1
             self._free_channel(step, sat, "not found")
-        elif t >= self.found[sat]:
-            self.found[sat] = np.inf  # too weak when the pass reached it: the pass continues without success
+        elif t >= self.find_time[sat]:
+            self.find_time[sat] = np.inf  # too weak when the pass reached it: the pass continues without success
 
     def _start_searches(self, step: int, t: float) -> None:
         """Assign free channels and searchers to satellites that are expected in view."""
-        without_channel = (self.state == IDLE) | (self.state == LOST)
-        waiting = self.signals.expected[step] & without_channel
-        if not np.any(waiting):
+        has_no_channel = (self.state == IDLE) | (self.state == LOST)
+        is_waiting = self.signals.is_in_view[step] & has_no_channel
+        if not np.any(is_waiting):
             return
         n_search = int(np.sum(self.state == SEARCH))
         n_acquire = int(np.sum(self.state == ACQUIRE))
         n_track = int(np.sum(self.state == TRACK))
         free_searchers = self.card.searchers - n_search
         free_channels = self.channels - n_search - n_acquire - n_track
-        free = min(free_searchers, free_channels)
-        if free <= 0:
+        free_count = min(free_searchers, free_channels)
+        if free_count <= 0:
             return
-        aided = self.card.aiding == "fused" or (self.card.aiding == "own" and n_track >= FIX)
+        is_aided = self.card.aiding == "fused" or (self.card.aiding == "own" and n_track >= FIX)
         elevation = self.signals.elevation[step]
-        candidates = np.flatnonzero(waiting).tolist()
-        order = sorted(candidates, key=lambda sat: (self.vain[sat], -elevation[sat]))
-        for sat in order[:free]:
-            since_loss = t - self.lost[sat]
-            recent = since_loss < self.card.memory  # false without an earlier loss (NaN)
-            pass_time = self.card.reacquire_time if recent else self.card.search_time
-            pass_time *= self.card.aided_factor if aided else 1.0
-            self._change_state(step, sat, SEARCH, "aided search" if aided else "search")
-            fraction = share(self.card, self.names[sat], t)
-            self.found[sat] = t + pass_time * fraction
-            self.due[sat] = t + pass_time
+        candidates = np.flatnonzero(is_waiting).tolist()
+        order = sorted(candidates, key=lambda sat: (self.failed_passes[sat], -elevation[sat]))
+        for sat in order[:free_count]:
+            since_loss = t - self.loss_time[sat]
+            is_recent = since_loss < self.card.memory  # false without an earlier loss (NaN)
+            pass_time = self.card.reacquire_time if is_recent else self.card.search_time
+            pass_time *= self.card.aided_factor if is_aided else 1.0
+            self._change_state(step, sat, SEARCH, "aided search" if is_aided else "search")
+            fraction = search_fraction(self.card, self.names[sat], t)
+            self.find_time[sat] = t + pass_time * fraction
+            self.end_time[sat] = t + pass_time
         self._schedule()
 
     def _change_state(self, step: int, sat: int, state: int, reason: str) -> None:
@@ -294,14 +294,14 @@ class _Channels:
         )
         self.transitions.append(transition)
         self.state[sat] = state
-        self.failing[sat] = np.nan
-        self.found[sat] = np.nan
-        self.due[sat] = np.nan
+        self.loss_start[sat] = np.nan
+        self.find_time[sat] = np.nan
+        self.end_time[sat] = np.nan
 
     def _schedule(self) -> None:
         """Set the time of the next event of a search or a pull-in; infinite if there is none."""
-        events = np.fmin(self.found, self.due)
-        self.next = float(np.fmin(events, np.inf).min(initial=np.inf))
+        events = np.fmin(self.find_time, self.end_time)
+        self.next_time = float(np.fmin(events, np.inf).min(initial=np.inf))
 
 
 class CycleSlipCard(Card):
@@ -318,7 +318,7 @@ class CycleSlipCard(Card):
     realisation: int = Field(0, ge=0, lt=2**32, description="number of the draw of slips; the same for all runs")
 
 
-def slipped(card: CycleSlipCard, names: tuple[str, ...], t: Floats) -> Bools:
+def draw_cycle_slips(card: CycleSlipCard, names: tuple[str, ...], t: Floats) -> Bools:
     """Return whether a channel slips between the previous step and a step, (n_step, n_sat).
 
     Slips are a Poisson process. The draws depend on realisation, satellite and time (in milliseconds) only.
@@ -344,12 +344,12 @@ def slipped(card: CycleSlipCard, names: tuple[str, ...], t: Floats) -> Bools:
     return slips
 
 
-def continuous(
+def is_continuous(
     card: CycleSlipCard | None,
     names: tuple[str, ...],
     t: Floats,
-    owner: Ints,
-    tracked: Bools,
+    step_epoch: Ints,
+    is_tracked: Bools,
     antenna: Ints,
     cn0: Floats,
 ) -> Bools:
@@ -362,24 +362,24 @@ def continuous(
         Names of the satellites.
     t : (n_step,) s
         Steps, rising.
-    owner : (n_step,)
+    step_epoch : (n_step,)
         Epoch at the end of the interval of each step; that of the first step is 0.
-    tracked : (n_step, n_sat) bool
+    is_tracked : (n_step, n_sat) bool
         Whether the channel tracks its signal.
     antenna : (n_step, n_sat)
         Antenna that receives it.
     cn0 : (n_step, n_sat) dB-Hz
     """
-    locked = tracked.copy()
+    is_locked = is_tracked.copy()
     if card is not None and card.below is not None:
-        locked &= cn0 >= card.below
-    continues = locked.copy()
+        is_locked &= cn0 >= card.below
+    is_carrier_continuous = is_locked.copy()
     same_antenna = antenna[1:] == antenna[:-1]
-    continues[1:] &= locked[:-1] & same_antenna
-    continues[:1] = False
+    is_carrier_continuous[1:] &= is_locked[:-1] & same_antenna
+    is_carrier_continuous[:1] = False
     if card is not None:
-        continues &= ~slipped(card, names, t)
-    n_epoch = int(owner[-1]) + 1 if owner.size else 0
-    uninterrupted = np.ones((n_epoch, len(names)), dtype=np.bool_)
-    np.logical_and.at(uninterrupted, owner, continues)
-    return uninterrupted
+        is_carrier_continuous &= ~draw_cycle_slips(card, names, t)
+    n_epoch = int(step_epoch[-1]) + 1 if step_epoch.size else 0
+    is_uninterrupted = np.ones((n_epoch, len(names)), dtype=np.bool_)
+    np.logical_and.at(is_uninterrupted, step_epoch, is_carrier_continuous)
+    return is_uninterrupted

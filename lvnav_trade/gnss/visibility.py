@@ -7,15 +7,23 @@ import numpy as np
 
 from lvnav_trade.gnss.constellation import Constellation
 from lvnav_trade.gnss.fault_cards import AntennaFailure, AnyFault
-from lvnav_trade.gnss.faults import Mask, antennas_alive, lost
+from lvnav_trade.gnss.faults import Mask, antennas_alive, satellite_outages
 from lvnav_trade.gnss.kepler import GM_GPS
 from lvnav_trade.gnss.receiver_cards import ReceiverCard
-from lvnav_trade.gnss.reception import Arrival, noise_of, receive
+from lvnav_trade.gnss.reception import Arrival, noise_sigmas, receive
 from lvnav_trade.gnss.satellites import Satellites, satellites
 from lvnav_trade.kernels.clock import SPEED_OF_LIGHT
 from lvnav_trade.kernels.earth import OMEGA
 from lvnav_trade.quantities import frames
-from lvnav_trade.quantities.line_of_sight import falling, look_angles, occluded, off_nadir, point_of, range_rate, sight
+from lvnav_trade.quantities.line_of_sight import (
+    is_occluded,
+    look_angles,
+    off_nadir_angle,
+    point_mass_gravitation,
+    point_motion,
+    range_rate,
+    sight,
+)
 from lvnav_trade.quantities.records import Floats, Sky
 from lvnav_trade.trajectory.flight import Trajectory, motion
 
@@ -84,25 +92,25 @@ def sky(
         The almanac or ephemerides cannot be used, or the start of a fault cannot be resolved.
     """
     return with_noise(
-        heard_in(constellation, receiver, trajectory, t_epoch, faults, antenna_alive), receiver, trajectory
+        receive_satellites(constellation, receiver, trajectory, t_epoch, faults, antenna_alive), receiver, trajectory
     )
 
 
-def with_noise(heard: ReceivedSatellites, receiver: ReceiverCard, trajectory: Trajectory) -> Sky:
+def with_noise(reception: ReceivedSatellites, receiver: ReceiverCard, trajectory: Trajectory) -> Sky:
     """Return the satellites with the white-noise sigmas of the receiver's measurements.
 
     Parameters
     ----------
-    heard : ReceivedSatellites
-        As from `heard_in`.
+    reception : ReceivedSatellites
+        As from `receive_satellites`.
     receiver : ReceiverCard
     trajectory : Trajectory
     """
-    range_sigma, rate_sigma, phase_sigma = noise_of(receiver, trajectory, heard.sky.t, heard.cn0)
-    return heard.sky._replace(range_sigma=range_sigma, rate_sigma=rate_sigma, phase_sigma=phase_sigma)
+    range_sigma, rate_sigma, phase_sigma = noise_sigmas(receiver, trajectory, reception.sky.t, reception.cn0)
+    return reception.sky._replace(range_sigma=range_sigma, rate_sigma=rate_sigma, phase_sigma=phase_sigma)
 
 
-def heard_in(
+def receive_satellites(
     constellation: Constellation,
     receiver: ReceiverCard,
     trajectory: Trajectory,
@@ -112,49 +120,49 @@ def heard_in(
 ) -> ReceivedSatellites:
     """Return the satellites of `sky` without noise sigmas; parameters and errors as there."""
     orbits = satellites(constellation, trajectory.epoch)
-    antenna_r, antenna_v = antenna(trajectory, receiver, t_epoch)
-    sent = transmission(orbits, trajectory.theta0, t_epoch, antenna_r)
-    lines = sight(sent.r_i - antenna_r[:, None, :], sent.v_i - antenna_v[:, None, :])
+    antenna_r, antenna_v = antenna_motion(trajectory, receiver, t_epoch)
+    signals = transmission(orbits, trajectory.theta0, t_epoch, antenna_r)
+    lines = sight(signals.r_i - antenna_r[:, None, :], signals.v_i - antenna_v[:, None, :])
     azimuth, elevation = look_angles(trajectory.theta0, t_epoch, antenna_r, lines.direction)
-    lowest = mask(receiver, trajectory.theta0, t_epoch, antenna_r)
-    visible = (elevation >= lowest) & ~occluded(antenna_r[:, None, :], sent.r_i, GRAZING_HEIGHT)
+    lowest = mask_angle(receiver, trajectory.theta0, t_epoch, antenna_r)
+    is_visible = (elevation >= lowest) & ~is_occluded(antenna_r[:, None, :], signals.r_i, GRAZING_HEIGHT)
     arrival = Arrival(
         t=t_epoch,
         names=orbits.names,
         direction_i=lines.direction,
         distance=lines.distance,
-        off_nadir=off_nadir(sent.r_i, lines.direction),
+        off_nadir=off_nadir_angle(signals.r_i, lines.direction),
         elevation=elevation,
         # range acceleration without that of the antenna: a few m/s^2, for the lag of the tracking loops
-        pull=lines.acceleration(falling(sent.r_i, GM_GPS)),
-        expected=visible,
-        faulty=np.asarray(lost(faults, trajectory.course, t_epoch, elevation, visible)),
+        range_acceleration=lines.acceleration(point_mass_gravitation(signals.r_i, GM_GPS)),
+        is_in_view=is_visible,
+        is_faulty=np.asarray(satellite_outages(faults, trajectory.flight_profile, t_epoch, elevation, is_visible)),
     )
     if antenna_alive is None and any(isinstance(fault, AntennaFailure) for fault in faults):
-        antenna_alive = antennas_alive(faults, trajectory.course, t_epoch, len(receiver.antennas))
+        antenna_alive = antennas_alive(faults, trajectory.flight_profile, t_epoch, len(receiver.antennas))
     reception = receive(receiver, trajectory, arrival, antenna_alive, faults)._asdict()
-    cn0 = reception.pop("every_cn0")
-    unknown = np.full(cn0.shape, np.nan)
+    cn0 = reception.pop("all_cn0")
+    no_sigma = np.full(cn0.shape, np.nan)
     # derivative of the time of transmission by the time of reception
-    transmission_rate = 1.0 - range_rate(lines.direction, sent.v_i, antenna_v[:, None, :]) / SPEED_OF_LIGHT
+    transmission_rate = 1.0 - range_rate(lines.direction, signals.v_i, antenna_v[:, None, :]) / SPEED_OF_LIGHT
     noiseless = Sky(
         t=t_epoch,
         names=orbits.names,
         systems=orbits.systems,
-        r_i=sent.r_i,
-        v_i=sent.v_i * transmission_rate[..., None],  # dr/dt_rx = dr/dt_tx dt_tx/dt_rx
+        r_i=signals.r_i,
+        v_i=signals.v_i * transmission_rate[..., None],  # dr/dt_rx = dr/dt_tx dt_tx/dt_rx
         azimuth=azimuth,
         elevation=elevation,
         lever_arms=np.array(receiver.lever_arms),
-        range_sigma=unknown,
-        rate_sigma=unknown,
-        phase_sigma=unknown,
+        range_sigma=no_sigma,
+        rate_sigma=no_sigma,
+        phase_sigma=no_sigma,
         **reception,
     )
     return ReceivedSatellites(noiseless, cn0)
 
 
-def mask(receiver: ReceiverCard, theta0: float, t: Floats, antenna_r: Floats) -> Floats | float:
+def mask_angle(receiver: ReceiverCard, theta0: float, t: Floats, antenna_r: Floats) -> Floats | float:
     """Return the elevation mask of the receiver in rad, (n_epoch, 1), or a single number for all epochs.
 
     With `mask_height` the mask sinks linearly to the horizontal at that height, and above it with the horizon of a
@@ -178,13 +186,13 @@ def mask(receiver: ReceiverCard, theta0: float, t: Floats, antenna_r: Floats) ->
     radius = np.linalg.norm(antenna_r, axis=-1) - height
     cosine = (radius + shell) / (radius + np.maximum(height, shell))
     dip = -np.arccos(np.clip(cosine, -1.0, 1.0))
-    sinking = receiver.mask * (1.0 - height / shell)
+    reduced_mask = receiver.mask * (1.0 - height / shell)
     is_above_shell = height > shell
-    elevation_mask = np.where(is_above_shell, dip, sinking)
+    elevation_mask = np.where(is_above_shell, dip, reduced_mask)
     return np.asarray(elevation_mask)[:, None]
 
 
-def antenna(trajectory: Trajectory, receiver: ReceiverCard, t: Floats) -> tuple[Floats, Floats]:
+def antenna_motion(trajectory: Trajectory, receiver: ReceiverCard, t: Floats) -> tuple[Floats, Floats]:
     """Return true position (m) and velocity (m/s) of the antenna, (n_epoch, 3) each, frame i.
 
     Parameters
@@ -197,15 +205,15 @@ def antenna(trajectory: Trajectory, receiver: ReceiverCard, t: Floats) -> tuple[
     state = motion(trajectory, t)
     C_b_i = frames.matrices(state.q_b_i)
     lever_b = np.array(receiver.lever_b)
-    return point_of(state, C_b_i, lever_b)
+    return point_motion(state, C_b_i, lever_b)
 
 
-def transmission(above: Satellites, theta0: float, t: Floats, antenna_r: Floats) -> Transmission:
+def transmission(orbits: Satellites, theta0: float, t: Floats, antenna_r: Floats) -> Transmission:
     """Solve the light-time equation |r_sat(t - travel) - r_antenna(t)| = c travel for all epochs and satellites.
 
     Parameters
     ----------
-    above : Satellites
+    orbits : Satellites
         Orbits of the satellites.
     theta0 : float
         Earth angle at lift-off (rad).
@@ -214,27 +222,27 @@ def transmission(above: Satellites, theta0: float, t: Floats, antenna_r: Floats)
     antenna_r : (n_epoch, 3) m, frame i
         Antenna positions at reception.
     """
-    travel = np.full((t.size, len(above.names)), 0.075)  # s, typical for a satellite at 22 000 km
+    travel = np.full((t.size, len(orbits.names)), 0.075)  # s, typical for a satellite at 22 000 km
     for _ in range(LIGHT_TIME_ROUNDS):
-        sent = t[:, None] - travel
-        r_i, v_i = satellite_inertial(above, theta0, sent)
+        transmission_time = t[:, None] - travel
+        r_i, v_i = satellite_inertial(orbits, theta0, transmission_time)
         distance = np.linalg.norm(r_i - antenna_r[:, None, :], axis=-1)
         travel = distance / SPEED_OF_LIGHT
     return Transmission(travel, r_i, v_i)
 
 
-def satellite_inertial(above: Satellites, theta0: float, t: Floats) -> tuple[Floats, Floats]:
+def satellite_inertial(orbits: Satellites, theta0: float, t: Floats) -> tuple[Floats, Floats]:
     """Return position (m) and inertial velocity (m/s) of satellites, (..., n_sat, 3) each, frame i.
 
     Parameters
     ----------
-    above : Satellites
+    orbits : Satellites
         Orbits of the satellites.
     theta0 : float
         Earth angle at lift-off (rad).
     t : (..., n_sat) s since lift-off
     """
-    r_e, v_e = above.ecef(t)
+    r_e, v_e = orbits.ecef(t)
     theta = frames.earth_angle(theta0, t)
     x = r_e[..., 0]
     y = r_e[..., 1]

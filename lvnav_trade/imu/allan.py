@@ -85,7 +85,7 @@ def _bracket(x: Floats) -> Floats:
     return 1.0 - numerator / (2.0 * x)
 
 
-def together(*deviations: Floats) -> Floats:
+def combined_deviation(*deviations: Floats) -> Floats:
     """Return the Allan deviation of the sum of independent processes: the root sum of squares."""
     variances = np.square(deviations)
     total_variance = np.sum(variances, axis=0)
@@ -150,16 +150,16 @@ def fit_floor(instability: float, count: int, shortest: float, longest: float) -
     def processes(x: Floats) -> list[Process]:
         log_sigmas = x[:count]
         log_times = x[count:]
-        fitted = []
+        result = []
         for log_sigma, log_time in zip(log_sigmas, log_times, strict=True):
             sigma = float(np.exp(log_sigma))
             time_constant = float(np.exp(log_time))
-            fitted.append(Process(sigma, time_constant))
-        return fitted
+            result.append(Process(sigma, time_constant))
+        return result
 
     def log_misfit(x: Floats) -> Floats:
         deviations = [gauss_markov(process, tau) for process in processes(x)]
-        relative_deviation = together(*deviations) / FLOOR
+        relative_deviation = combined_deviation(*deviations) / FLOOR
         return np.asarray(np.log(relative_deviation))
 
     # unknowns: logarithms of the sigmas (relative to B), then of the time constants (s)
@@ -173,13 +173,13 @@ def fit_floor(instability: float, count: int, shortest: float, longest: float) -
     high = np.full(2 * count, 3.0)
     high[count:] = math.log(10.0 * longest)
     solution = least_squares(log_misfit, guess, bounds=(low, high))
-    fitted = processes(solution.x)
-    by_time_constant = sorted(fitted, key=lambda process: process.time_constant)
-    scaled = []
-    for process in by_time_constant:
+    unit_processes = processes(solution.x)
+    sorted_processes = sorted(unit_processes, key=lambda process: process.time_constant)
+    scaled_processes = []
+    for process in sorted_processes:
         sigma = instability * process.sigma
-        scaled.append(Process(sigma, process.time_constant))
-    return tuple(scaled)
+        scaled_processes.append(Process(sigma, process.time_constant))
+    return tuple(scaled_processes)
 
 
 def autocovariance(processes: Sequence[Process], lags: Floats) -> Floats:
@@ -219,7 +219,7 @@ def autoregressive(processes: Sequence[Process], order: int, dt: float) -> tuple
     lags = np.arange(order + 1) * np.float64(dt)
     covariance = autocovariance(processes, lags)
     variance = covariance[0]
-    lagged = covariance[1:]
-    coefficients = np.asarray(solve_toeplitz(covariance[:-1], lagged))
-    driving_variance = float(variance - coefficients @ lagged)
+    lag_covariance = covariance[1:]
+    coefficients = np.asarray(solve_toeplitz(covariance[:-1], lag_covariance))
+    driving_variance = float(variance - coefficients @ lag_covariance)
     return coefficients, math.sqrt(driving_variance)

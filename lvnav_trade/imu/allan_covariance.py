@@ -31,15 +31,15 @@ def variances(name: str, m: Ints, dt: float) -> Floats:
     dt : float
         Sampling interval (s).
     """
-    at_0 = _generalised(name, 0 * m, dt)
-    at_m = _generalised(name, m, dt)
-    at_2m = _generalised(name, 2 * m, dt)
+    at_0 = _generalised_covariance(name, 0 * m, dt)
+    at_m = _generalised_covariance(name, m, dt)
+    at_2m = _generalised_covariance(name, 2 * m, dt)
     second_difference = 6.0 * at_0 - 8.0 * at_m + 2.0 * at_2m
     tau = m * dt
     return np.asarray(second_difference / (2.0 * tau**2))
 
 
-def _generalised(name: str, lag: Ints | Floats, dt: float) -> Floats:
+def _generalised_covariance(name: str, lag: Ints | Floats, dt: float) -> Floats:
     """Return the generalised covariance of the angle of a process with unit coefficient, same shape as `lag`.
 
     It gives the covariances of second differences, which are stationary: sigma^2 at lag 0 for white noise of the angle,
@@ -115,11 +115,11 @@ def _covariance_form(a: int, b: int, n: int, dt: float) -> Floats:
     # quantisation is white noise of the angle: its covariances are zero except at single lags
     is_overlapping = (kinks > -n_b) & (kinks < n_a)
     single_lags = kinks[is_overlapping]
-    single = _second_covariances(single_lags, a, b, dt)
-    quantisation = single[0]
+    single_covariances = _second_covariances(single_lags, a, b, dt)
+    quantisation = single_covariances[0]
     n_single = _n_pair(single_lags, n_a, n_b)
     n_common = min(n_a, n_b)
-    discrete = np.einsum("l,l,kl->k", n_single, quantisation, single)
+    discrete = np.einsum("l,l,kl->k", n_single, quantisation, single_covariances)
     total[0, 1:] = discrete[1:]
     total[1:, 0] = discrete[1:]
     fourth_moment = 0.5 * _UNIFORM * 36.0 / 144.0 * n_common
@@ -151,8 +151,8 @@ def _second_covariances(lags: Floats, a: int, b: int, dt: float) -> Floats:
     for k, name in enumerate(PROCESSES):
         for i, j in index_pairs:
             factor = _SECOND[i] * _SECOND[j]
-            shifted = lags + i * a - j * b
-            term = _generalised(name, shifted, dt)
+            lag = lags + i * a - j * b
+            term = _generalised_covariance(name, lag, dt)
             covariances[k] += factor * term
     return covariances
 
@@ -193,7 +193,7 @@ def _piece_edges(kinks: Ints, n_a: int, n_b: int) -> list[int]:
     near_edge = start - reach // 8
     edges = [first, far_edge, near_edge]
     edges += [int(kink) for kink in kinks]
-    mirrored = [-edge for edge in edges]
-    edges += [0, n_a - n_b, *mirrored, last]
-    limited = {min(max(edge, first), last) for edge in edges}
-    return sorted(limited)
+    mirror_edges = [-edge for edge in edges]
+    edges += [0, n_a - n_b, *mirror_edges, last]
+    distinct_edges = {min(max(edge, first), last) for edge in edges}
+    return sorted(distinct_edges)

@@ -30,13 +30,13 @@ class Coefficient(NamedTuple):
     value : Estimate; 0 if the stream does not show the coefficient.
     low : Lower bound of the 95 % confidence interval; 0 if the stream does not show it.
     high : Upper bound of the interval; if the stream does not show it, the one-sided 95 % upper bound.
-    shown : Whether the stream shows the coefficient.
+    is_significant : Whether the stream shows the coefficient.
     """
 
     value: float
     low: float
     high: float
-    shown: bool
+    is_significant: bool
 
 
 class AxisFit(NamedTuple):
@@ -103,13 +103,13 @@ def fit(rates: Floats, dt: float, factors: Sequence[int]) -> AxisFit:
     """
     m = np.array(factors, dtype=np.int64)
     n = rates.size
-    observed = overlapping(rates, dt, factors) ** 2
+    allan_variances = overlapping(rates, dt, factors) ** 2
     columns = [variances(name, m, dt) for name in NAMES]
     design = np.stack(columns, axis=1)
-    squares, square_variances, V = _solve(observed, design, m, n, dt)
+    squares, square_variances, V = _solve(allan_variances, design, m, n, dt)
     model = design @ squares
     n_fitted = int(np.count_nonzero(squares))
-    spread = _interval_factor(observed - model, V, n_fitted=n_fitted)
+    spread = _interval_factor(allan_variances - model, V, n_fitted=n_fitted)
     coefficients = {}
     for k, name in enumerate(NAMES):
         sigma = spread * math.sqrt(square_variances[k])
@@ -117,12 +117,12 @@ def fit(rates: Floats, dt: float, factors: Sequence[int]) -> AxisFit:
             coefficients[name] = _coefficient(squares[k], sigma)
         else:
             bound = _bound(squares, k, spread, design, m, n, dt)
-            coefficients[name] = Coefficient(value=0.0, low=0.0, high=math.sqrt(bound), shown=False)
+            coefficients[name] = Coefficient(value=0.0, low=0.0, high=math.sqrt(bound), is_significant=False)
     model_deviation = np.sqrt(model)
     observation_sigma = np.sqrt(np.diag(V))
     return AxisFit(
         tau=dt * m.astype(float),
-        deviation=np.sqrt(observed),
+        deviation=np.sqrt(allan_variances),
         sigma=0.5 * observation_sigma / model_deviation,  # of a root: half the relative sigma of the square
         model=model_deviation,
         coefficients=coefficients,
@@ -152,7 +152,7 @@ def _interval_factor(residual: Floats, V: Floats, n_fitted: int) -> float:
     return 1.0
 
 
-def _solve(observed: Floats, design: Floats, m: Ints, n: int, dt: float) -> tuple[Floats, Floats, Floats]:
+def _solve(allan_variances: Floats, design: Floats, m: Ints, n: int, dt: float) -> tuple[Floats, Floats, Floats]:
     """Return the squared coefficients of a generalised least-squares fit, none negative.
 
     The covariance of the observations depends on the coefficients, so that the fit is repeated until they no longer
@@ -160,7 +160,7 @@ def _solve(observed: Floats, design: Floats, m: Ints, n: int, dt: float) -> tupl
 
     Parameters
     ----------
-    observed : (n_factor,)
+    allan_variances : (n_factor,)
         Observed Allan variances.
     design : (n_factor, 4)
         Allan variances of processes with unit coefficient.
@@ -181,15 +181,15 @@ def _solve(observed: Floats, design: Floats, m: Ints, n: int, dt: float) -> tupl
     from scipy.optimize import nnls  # the import takes 0.3 s in every worker, and few need it
 
     # first guess: every observation with the same relative error
-    scale = 1.0 / observed
+    scale = 1.0 / allan_variances
     scaled_design = design * scale[:, None]
-    squares = nnls(scaled_design, observed * scale)[0]
+    squares = nnls(scaled_design, allan_variances * scale)[0]
     factors = m.tolist()
     for _ in range(_PASSES):
         V = covariance(squares, factors, n, dt)
         L = np.linalg.cholesky(V)
         A = np.linalg.solve(L, design)
-        b = np.linalg.solve(L, observed)
+        b = np.linalg.solve(L, allan_variances)
         column_norm = np.linalg.norm(A, axis=0)
         previous = squares
         scaled_squares = nnls(A / column_norm, b)[0]
@@ -205,8 +205,8 @@ def _square_variances(design: Floats, V: Floats) -> Floats:
     L = np.linalg.cholesky(V)
     A = np.linalg.solve(L, design)
     column_norm = np.linalg.norm(A, axis=0)  # the squares differ by many orders of magnitude
-    scaled = A / column_norm
-    scaled_covariance = np.linalg.inv(scaled.T @ scaled)
+    scaled_A = A / column_norm
+    scaled_covariance = np.linalg.inv(scaled_A.T @ scaled_A)
     scaled_variances = np.diag(scaled_covariance)
     return np.asarray(scaled_variances / column_norm**2)
 
@@ -216,14 +216,14 @@ def _bound(squares: Floats, k: int, spread: float, design: Floats, m: Ints, n: i
 
     The bound b solves b = fitted + 1.645 sigma(b), where sigma is computed with the coefficient b in the covariance.
     """
-    bounded = squares.copy()
+    bounded_squares = squares.copy()
     factors = m.tolist()
     for _ in range(_PASSES):
-        V = covariance(bounded, factors, n, dt)
+        V = covariance(bounded_squares, factors, n, dt)
         variance = _square_variances(design, V)[k]
         sigma = math.sqrt(variance)
-        bounded[k] = squares[k] + _Z_BOUND * spread * sigma
-    return float(bounded[k])
+        bounded_squares[k] = squares[k] + _Z_BOUND * spread * sigma
+    return float(bounded_squares[k])
 
 
 def _coefficient(square: float, sigma: float) -> Coefficient:
@@ -237,4 +237,4 @@ def _coefficient(square: float, sigma: float) -> Coefficient:
     high_root = max(0.0, 1.0 + half_width)
     low = math.sqrt(square * low_root**3)
     high = math.sqrt(square * high_root**3)
-    return Coefficient(math.sqrt(square), low, high, shown=True)
+    return Coefficient(math.sqrt(square), low, high, is_significant=True)

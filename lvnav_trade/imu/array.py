@@ -131,7 +131,7 @@ def _redundancy_faults(card: ImuSet) -> Iterable[str]:
         yield from _mid_value_faults(card, spans)
     yield from _hand_over_faults(card, spans)
     if card.parity is not None:
-        yield from _untestable(card, card.parity)
+        yield from _parity_faults(card, card.parity)
     if card.parity is not None and card.parity.window * card.rate < 1.0:
         sample = 1.0 / card.rate
         yield f"parity.window: {card.parity.window:g} s is less than a sample of {sample:g} s"
@@ -146,10 +146,10 @@ def _redundancy_faults(card: ImuSet) -> Iterable[str]:
 
 def _hand_over_faults(card: ImuSet, spans: Sequence[int]) -> Iterable[str]:
     """Yield the input errors of a prime IMU and its hand-over; spans: dimensions that each IMU senses along."""
-    by_parity = card.parity is not None and card.parity.after_detection == "hand_over"
+    has_parity_hand_over = card.parity is not None and card.parity.after_detection == "hand_over"
     if card.selection != "prime":
-        if by_parity or card.hand_over is not None:
-            field = "parity.after_detection" if by_parity else "hand_over"
+        if has_parity_hand_over or card.hand_over is not None:
+            field = "parity.after_detection" if has_parity_hand_over else "hand_over"
             yield f"{field}: a hand-over from a prime unit to the next one needs selection: prime"
         return
     if len(card.units) < 2:
@@ -167,15 +167,15 @@ def excludes_units(card: ImuCard | ImuSet) -> bool:
     """Whether a failed IMU is excluded from the fused increments: by parity, mid-value selection, or a hand-over."""
     if isinstance(card, ImuCard):
         return False
-    tested = card.parity is not None and card.parity.after_detection != "report"
-    return card.selection == "mid_value" or tested or card.hand_over is not None
+    excludes_by_parity = card.parity is not None and card.parity.after_detection != "report"
+    return card.selection == "mid_value" or excludes_by_parity or card.hand_over is not None
 
 
-def _untestable(card: ImuSet, parity: ParityCard) -> Iterable[str]:
+def _parity_faults(card: ImuSet, parity: ParityCard) -> Iterable[str]:
     """Yield the input error of a parity test that can detect or isolate nothing."""
     if sum(len(unit.directions) for unit in card.units) <= 3:
         yield "parity: the axes are as many as the test needs to fit: no failure can be detected"
-    elif parity.after_detection == "exclude" and not any(_tested_without(card, k) for k in range(len(card.units))):
+    elif parity.after_detection == "exclude" and not any(_is_testable_without(card, k) for k in range(len(card.units))):
         yield (
             "parity: without a unit the others have no axis more than they need: none can be isolated; give a third "
             "unit, or skewed axes, or after_detection: report"
@@ -196,7 +196,7 @@ def _mid_value_faults(card: ImuSet, spans: Sequence[int]) -> Iterable[str]:
         yield "selection: mid_value: the rounding residual of a unit is lost when another unit is selected"
 
 
-def _tested_without(card: ImuSet, number: int) -> bool:
+def _is_testable_without(card: ImuSet, number: int) -> bool:
     """Return whether the array without IMU `number` has four axes or more that span three dimensions."""
     remaining = [unit.directions for index, unit in enumerate(card.units) if index != number]
     if not remaining:
@@ -262,9 +262,9 @@ def least_squares(directions: Floats, weights: Floats) -> Floats:
     weights : (n,)
         Diagonal of W.
     """
-    weighted = directions * weights[:, None]
-    normal_matrix = weighted.T @ directions
-    return np.asarray(np.linalg.solve(normal_matrix, weighted.T))
+    weighted_directions = directions * weights[:, None]
+    normal_matrix = weighted_directions.T @ directions
+    return np.asarray(np.linalg.solve(normal_matrix, weighted_directions.T))
 
 
 def _frames(axes: Floats) -> Floats:
@@ -280,15 +280,15 @@ def _frames(axes: Floats) -> Floats:
     # second direction: across the axis and the body axis that is farthest from it
     closeness = np.abs(axes)
     farthest_number = np.argmin(closeness, axis=1)
-    farthest = np.eye(3)[farthest_number]
-    second = np.cross(axes, farthest)
+    farthest_axis = np.eye(3)[farthest_number]
+    second = np.cross(axes, farthest_axis)
     length = np.linalg.norm(second, axis=1)
     second /= length[:, None]
     third = np.cross(axes, second)
     return np.stack([axes, second, third], axis=1)
 
 
-def triads_of(card: ImuSet) -> tuple[Triad, ...]:
+def list_triads(card: ImuSet) -> tuple[Triad, ...]:
     """Return the triads of an IMU array, IMU by IMU."""
     directions = [unit.directions for unit in card.units]
     gyro_columns = _fused_columns(card, "gyro", directions)
@@ -312,7 +312,7 @@ def triads_of(card: ImuSet) -> tuple[Triad, ...]:
     return tuple(triads)
 
 
-def keyed(label: str, unit: int) -> str:
+def source_key(label: str, unit: int) -> str:
     """Return the key of an error source of an IMU (index from 0); the first IMU has the keys of a single IMU."""
     return f"unit {unit + 1} {label}" if unit else label
 
@@ -331,12 +331,12 @@ def _fused_columns(card: ImuSet, sensor: str, directions: Sequence[Floats]) -> F
     return least_squares(axes, weights)
 
 
-def own_solutions(card: ImuSet) -> Floats:
+def single_imu_columns(card: ImuSet) -> Floats:
     """Return the columns (n_triad, 3, 3) by which errors of the axes enter the solution of their own IMU alone.
 
     An IMU with fewer than three axes has no solution; its columns are not used.
     """
-    triads = triads_of(card)
+    triads = list_triads(card)
     columns = np.zeros((len(triads), 3, 3))
     for number, unit in enumerate(card.units):
         A = np.linalg.pinv(unit.directions)
@@ -354,7 +354,7 @@ def axis_weights(card: ImuSet) -> Floats:
 
     They are relative to the first IMU, and one for mid-value selection.
     """
-    owners = [triad.unit for triad in triads_of(card)]
+    owners = [triad.unit for triad in list_triads(card)]
     weights = np.ones((2, len(owners)))
     if card.selection != "mean":
         return weights
@@ -373,24 +373,24 @@ def axis_counts(imu: ImuCard | ImuSet) -> tuple[int, ...]:
     return tuple(len(unit.directions) for unit in imu.units)
 
 
-def mounted(imu: ImuCard | ImuSet) -> list[tuple[int, ImuCard]]:
+def triad_imus(imu: ImuCard | ImuSet) -> list[tuple[int, ImuCard]]:
     """Return index (from 0) and card of the IMU of every triad; a single IMU has one triad."""
     if isinstance(imu, ImuCard):
         return [(0, imu)]
-    return [(triad.unit, imu.units[triad.unit]) for triad in triads_of(imu)]
+    return [(triad.unit, imu.units[triad.unit]) for triad in list_triads(imu)]
 
 
-def terms_of(imu: ImuCard | ImuSet) -> list[ErrorTerm]:
+def imu_error_terms(imu: ImuCard | ImuSet) -> list[ErrorTerm]:
     """Return the true error parameters of an IMU, or of all IMUs of an array, triad by triad."""
     if isinstance(imu, ImuCard):
         return error_terms(imu)
-    owners = mounted(imu)
+    owners = triad_imus(imu)
     terms = []
     for triad, (unit, card) in enumerate(owners):
         # an IMU with several triads has three parts of an error in each
         first_part = 3 * owners[:triad].count((unit, card))
         for term in error_terms(card):
-            name = keyed(term.name, unit)
-            number = term.part + first_part
-            terms.append(term._replace(name=name, part=number, triad=triad))
+            name = source_key(term.name, unit)
+            number = term.term_index + first_part
+            terms.append(term._replace(name=name, term_index=number, triad=triad))
     return terms

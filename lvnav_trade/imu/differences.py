@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lvnav_trade.imu.array import ImuSet, least_squares, triads_of
+from lvnav_trade.imu.array import ImuSet, least_squares, list_triads
 from lvnav_trade.kernels.transition import GYRO
 from lvnav_trade.quantities.per_axis import PerAxis, rms, squares
 from lvnav_trade.quantities.records import Floats
@@ -27,7 +27,7 @@ def difference(imu: ImuSet, first: int, second: int) -> list[Floats]:
     list of (2, 3, 3)
         By triad: columns of gyro and accelerometer axes, body axes; zero for other IMUs.
     """
-    triads = triads_of(imu)
+    triads = list_triads(imu)
     columns = [np.zeros((2, 3, 3)) for _ in triads]
     for number, sign in ((first, 1.0), (second, -1.0)):
         axes = imu.units[number].directions
@@ -46,14 +46,14 @@ class RelativeErrors(NamedTuple):
     """Sigmas of the difference of two IMUs of an array: the same on all axes, or by axis if those of an IMU differ.
 
     random_walk : rad/sqrt(s) or m/s/sqrt(s). Root PSD of the white noise, root mean square over the axes.
-    by_axis : (3,) rad/sqrt(s) or m/s/sqrt(s). Root PSD of the white noise by body axis.
+    axis_random_walks : (3,) rad/sqrt(s) or m/s/sqrt(s). Root PSD of the white noise by body axis.
     bias : rad/s or m/s^2. Bias of the first unit minus that of the second.
     walk : rad/s/sqrt(s) or m/s^2/sqrt(s). Root PSD of the random walk of the bias.
     correlation : Correlation of the bias with that of the fused triad at the start.
     """
 
     random_walk: float
-    by_axis: tuple[float, ...]
+    axis_random_walks: tuple[float, ...]
     bias: PerAxis
     walk: PerAxis
     correlation: PerAxis
@@ -72,9 +72,9 @@ def relative_errors(imu: ImuSet, sensor: int, first: int, second: int) -> Relati
     """
     # variances by axis: noise, bias and walk of the difference, bias of the fused triad, and covariance of both biases
     noise, bias, walk, fused_bias, covariance = np.zeros((5, 3))
-    biases_alike = True
+    has_equal_axes = True
     derivatives = difference(imu, first, second)
-    for triad, columns in zip(triads_of(imu), derivatives, strict=True):
+    for triad, columns in zip(list_triads(imu), derivatives, strict=True):
         unit = imu.units[triad.unit]
         D = columns[sensor]
         A = triad.gyro if sensor == GYRO else triad.accel
@@ -82,21 +82,21 @@ def relative_errors(imu: ImuSet, sensor: int, first: int, second: int) -> Relati
         instability_sigma = card.instability_axes(card.instability_sigma)
         instability = np.array(squares(instability_sigma))
         repeatability = np.array(squares(card.bias_repeatability))
-        lasting = repeatability + instability
+        bias_variance = repeatability + instability
         rate_random_walk = np.array(squares(card.rate_random_walk))
         drift = rate_random_walk + instability * 2.0 / card.instability.time_constant
-        bias += D**2 @ lasting
+        bias += D**2 @ bias_variance
         walk += D**2 @ drift
-        covariance += (D * A) @ lasting
-        fused_bias += A**2 @ lasting
+        covariance += (D * A) @ bias_variance
+        fused_bias += A**2 @ bias_variance
         sizes = (card.bias_repeatability, card.bias_instability, card.rate_random_walk)
-        biases_alike &= not any(isinstance(size, tuple) for size in sizes)
+        has_equal_axes &= not any(isinstance(size, tuple) for size in sizes)
         if isinstance(card.random_walk, tuple):
             noise += D**2 @ squares(card.random_walk)
         else:  # the axes of the IMU are equal: mean over the body axes
             mean_square = float(np.sum(D**2)) / 3.0
             noise += rms(card.random_walk) ** 2 * mean_square
-    if biases_alike:
+    if has_equal_axes:
         for variance in (bias, walk, covariance, fused_bias):
             variance[:] = np.mean(variance)
     random_walk = np.sqrt(noise).tolist()
@@ -109,7 +109,7 @@ def relative_errors(imu: ImuSet, sensor: int, first: int, second: int) -> Relati
     walk_density = np.sqrt(walk)
     return RelativeErrors(
         random_walk=mean_random_walk,
-        by_axis=tuple(random_walk),
+        axis_random_walks=tuple(random_walk),
         bias=_per_axis(bias_sigma),
         walk=_per_axis(walk_density),
         correlation=_per_axis(correlation),
@@ -129,8 +129,8 @@ def _correlation(covariance: Floats, variance: Floats, other_variance: Floats) -
     scale = np.sqrt(variance * other_variance)
     is_above_rounding = np.abs(covariance) > 1e-12 * scale
     is_correlated = (scale > 0.0) & is_above_rounding
-    uncorrelated = np.zeros(3)
-    return np.divide(covariance, scale, out=uncorrelated, where=is_correlated)
+    no_correlation = np.zeros(3)
+    return np.divide(covariance, scale, out=no_correlation, where=is_correlated)
 
 
 def _per_axis(values: Floats) -> PerAxis:

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from lvnav_trade.imu.array import ImuSet, Triad, triads_of
+from lvnav_trade.imu.array import ImuSet, Triad, list_triads
 from lvnav_trade.imu.error_model import AccelCard, GyroCard, ImuCard
 from lvnav_trade.kernels.transition import ACCEL, GYRO
 from lvnav_trade.quantities.per_axis import PerAxis, rms, squares
@@ -17,7 +17,7 @@ from lvnav_trade.quantities.records import Floats
 def _fused_axes(imu: ImuSet, sensor: int) -> list[tuple[Triad, Floats, GyroCard | AccelCard]]:
     """Return every triad with its columns A (3, 3) of the fused triad, and its gyro or accelerometer card."""
     axes: list[tuple[Triad, Floats, GyroCard | AccelCard]] = []
-    for triad in triads_of(imu):
+    for triad in list_triads(imu):
         unit = imu.units[triad.unit]
         if sensor == GYRO:
             axes.append((triad, triad.gyro, unit.gyro))
@@ -40,12 +40,12 @@ def _fused_sigma(imu: ImuSet, sensor: int, value: Callable[[Any], PerAxis]) -> P
         Function that returns the sigma of a gyro or accelerometer card.
     """
     variance = np.zeros(3)
-    alike = True
+    has_equal_axes = True
     for _, A, card in _fused_axes(imu, sensor):
         sigma = value(card)
         variance += A**2 @ squares(sigma)
-        alike &= not isinstance(sigma, tuple)
-    if alike:
+        has_equal_axes &= not isinstance(sigma, tuple)
+    if has_equal_axes:
         mean_variance = float(variance.sum()) / 3.0
         return math.sqrt(mean_variance)
     x, y, z = np.sqrt(variance).tolist()

@@ -187,7 +187,7 @@ def error_terms(card: ImuCard) -> list[ErrorTerm]:
         term = ErrorTerm("gyro g-sensitivity", axis, GYRO, OTHER_0 + axis, card.gyro.g_sensitivity)
         terms.append(term)
     terms += _triad_terms("accelerometer", ACCEL, card.accel)
-    return [term for term in terms if term.varies]
+    return [term for term in terms if term.is_nonzero]
 
 
 def lag(increments: Floats, bandwidth: float | None, dt: float) -> Floats:
@@ -223,13 +223,13 @@ class DeadElement(NamedTuple):
     """A dead sensing element.
 
     axis : Index of its axis.
-    ticks : (n_tick,). Whether it is dead at the tick.
-    last : Whether it repeats its last output; otherwise its output is zero.
+    is_dead : (n_tick,). Whether it is dead at the tick.
+    repeats_last : Whether it repeats its last output; otherwise its output is zero.
     """
 
     axis: int
-    ticks: Bools
-    last: bool
+    is_dead: Bools
+    repeats_last: bool
 
 
 def _triad_terms(name: str, sensor: int, triad: GyroCard | AccelCard) -> list[ErrorTerm]:
@@ -237,18 +237,18 @@ def _triad_terms(name: str, sensor: int, triad: GyroCard | AccelCard) -> list[Er
 
     def term(
         label: str,
-        part: int,
+        process_index: int,
         driver: int,
         sigma: PerAxis,
         walk: PerAxis = 0.0,
         time_constant: float = math.inf,
     ) -> ErrorTerm:
-        return ErrorTerm(f"{name} {label}", part, sensor, driver, sigma, walk, time_constant)
+        return ErrorTerm(f"{name} {label}", process_index, sensor, driver, sigma, walk, time_constant)
 
     terms = [term("bias repeatability", 0, CONSTANT, triad.bias_repeatability)]
-    for part, process in enumerate(triad.instability_processes):
+    for process_number, process in enumerate(triad.instability_processes):
         sigma = triad.instability_axes(process.sigma)
-        terms.append(term("bias instability", part, CONSTANT, sigma, time_constant=process.time_constant))
+        terms.append(term("bias instability", process_number, CONSTANT, sigma, time_constant=process.time_constant))
     full_scale = triad.nonlinearity_scale
     nonlinearity = each_axis(lambda size: size / full_scale, triad.nonlinearity)
     terms += [
@@ -263,7 +263,7 @@ def _triad_terms(name: str, sensor: int, triad: GyroCard | AccelCard) -> list[Er
     return terms
 
 
-def put_out(increments: Floats, axes: Floats, limit: float, dead: Sequence[DeadElement] = ()) -> Floats:
+def sensor_output(increments: Floats, axes: Floats, limit: float, dead: Sequence[DeadElement] = ()) -> Floats:
     """Return the increments after clipping at full scale and dead elements.
 
     Bias, noise and scale factor are errors of the electronics and are added after this step.
@@ -290,11 +290,11 @@ def put_out(increments: Floats, axes: Floats, limit: float, dead: Sequence[DeadE
     components = increments @ axes.T
     output = np.clip(components, -limit, limit)
     for element in dead:
-        ticks = np.flatnonzero(element.ticks)
+        ticks = np.flatnonzero(element.is_dead)
         if not ticks.size:
             continue
         first = ticks[0]
-        has_last = element.last and first > 0
+        has_last = element.repeats_last and first > 0
         output[ticks, element.axis] = output[first - 1, element.axis] if has_last else 0.0
     if np.array_equal(output, components):
         return increments

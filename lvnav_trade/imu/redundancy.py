@@ -37,14 +37,14 @@ class MedianModel(NamedTuple):
 
     gains : (n,). Linear gains of the reading errors.
     mean : Mean of the median.
-    lasting : Variance of the part that is constant over samples.
-    white : Variance of the part that is new in every sample.
+    constant_variance : Variance of the part that is constant over samples.
+    white_variance : Variance of the part that is new in every sample.
     """
 
     gains: Floats
     mean: float
-    lasting: float
-    white: float
+    constant_variance: float
+    white_variance: float
 
 
 @lru_cache(maxsize=8)
@@ -65,22 +65,22 @@ def _normals(dimension: int, count: int) -> Floats:
     return np.concatenate([points, -points])
 
 
-def _below_probabilities(below: Floats) -> Floats:
+def _below_probabilities(probabilities: Floats) -> Floats:
     """Return the probabilities (n + 1, ...) that 0 to n of n independent readings lie below a value.
 
     Poisson binomial distribution by recursion.
 
     Parameters
     ----------
-    below : (n, ...)
+    probabilities : (n, ...)
         Probability that each reading lies below the value.
     """
-    counts = np.zeros((len(below) + 1, *below.shape[1:]))
+    counts = np.zeros((len(probabilities) + 1, *probabilities.shape[1:]))
     counts[0] = 1.0
-    for probability in below:
-        above = 1.0 - probability
-        counts[1:] = counts[1:] * above + counts[:-1] * probability
-        counts[0] = counts[0] * above
+    for probability in probabilities:
+        complement = 1.0 - probability
+        counts[1:] = counts[1:] * complement + counts[:-1] * probability
+        counts[0] = counts[0] * complement
     return counts
 
 
@@ -98,11 +98,11 @@ def _integration_points(mean: Floats, sigma: Floats) -> tuple[Floats, Floats]:
     points = centre + spread * _GRID[:, None]
     n_column = mean.shape[1]
     x = np.sort(points.reshape(-1, n_column), axis=0)
-    normalised = (x - centre) / spread
-    return x, ndtr(normalised)
+    normalised_points = (x - centre) / spread
+    return x, ndtr(normalised_points)
 
 
-def _expected(mean: Floats, sigma: Floats) -> Floats:
+def _mean_median(mean: Floats, sigma: Floats) -> Floats:
     """Return the mean (m,) of the median of n normal readings.
 
     It is the lower end of the range plus the integral of the probability that the median lies above.
@@ -114,12 +114,12 @@ def _expected(mean: Floats, sigma: Floats) -> Floats:
     sigma : (n,)
         Their standard deviations.
     """
-    x, below = _integration_points(mean, sigma)
-    counts = _below_probabilities(below)
+    x, probabilities = _integration_points(mean, sigma)
+    counts = _below_probabilities(probabilities)
     total = np.zeros(mean.shape[1])
     for rank in _ranks(len(mean)):
-        above = counts[: rank + 1].sum(axis=0)
-        mean_height = 0.5 * (above[1:] + above[:-1])
+        exceedance = counts[: rank + 1].sum(axis=0)
+        mean_height = 0.5 * (exceedance[1:] + exceedance[:-1])
         trapezoids = mean_height * np.diff(x, axis=0)
         integral = np.sum(trapezoids, axis=0)
         total += 0.5 * (x[0] + integral)
@@ -134,41 +134,41 @@ def _gains(mean: Floats, sigma: Floats) -> Floats:
     mean, sigma : (n,)
         Means and standard deviations of the readings.
     """
-    _, below = _integration_points(mean[:, None], sigma)
-    below = below[..., 0]
+    _, probabilities = _integration_points(mean[:, None], sigma)
+    probabilities = probabilities[..., 0]
     n = mean.size
     probability = np.zeros(n)
     for k in range(n):
-        below_of_others = np.delete(below, k, axis=0)
-        counts = _below_probabilities(below_of_others)
+        other_probabilities = np.delete(probabilities, k, axis=0)
+        counts = _below_probabilities(other_probabilities)
         density = 0.5 * sum(counts[rank] for rank in _ranks(n))
         mean_height = 0.5 * (density[1:] + density[:-1])
-        trapezoids = mean_height * np.diff(below[k])
+        trapezoids = mean_height * np.diff(probabilities[k])
         probability[k] = np.sum(trapezoids)
     total = probability.sum()  # one but for the integration error
     return np.asarray(probability / total)
 
 
-def middle(mean: Floats, white: Floats, lasting: Floats) -> MedianModel:
+def median_model(mean: Floats, white_sigma: Floats, constant_sigma: Floats) -> MedianModel:
     """Return the statistics of the median of n independent normal readings.
 
     Parameters
     ----------
     mean : (n,)
         Known errors of the readings, in the unit of the readings.
-    white : (n,)
+    white_sigma : (n,)
         Sigma of the white noise in a sample, > 0.
-    lasting : (n,)
+    constant_sigma : (n,)
         Sigma of the errors that are constant over samples.
 
     Notes
     -----
     Statistical linearisation (Gelb, Applied Optimal Estimation, 6.2). The best linear gain of a reading, Cov(median, e)
     / Var(e), is the probability that it is the median (Stein's lemma). The residual of the linearisation is
-    uncorrelated with the errors. Its lasting part is the residual of the median averaged over white noise.
+    uncorrelated with the errors. Its constant part is the residual of the median averaged over white noise.
     """
     n = mean.size
-    sigma = np.hypot(white, lasting)
+    sigma = np.hypot(white_sigma, constant_sigma)
     gains = _gains(mean, sigma)
     errors = sigma * _normals(n, MANY)
     sorted_readings = np.sort(mean + errors, axis=1)
@@ -176,18 +176,18 @@ def middle(mean: Floats, white: Floats, lasting: Floats) -> MedianModel:
     median = sorted_readings[:, middle_ranks].mean(axis=1)
     residual = median - errors @ gains
     total = float(np.var(residual))
-    # the lasting part of the residual is its mean over the white noise
-    constant = lasting * _normals(n, FEW)
-    mean_median = _expected((mean + constant).T, white)
-    averaged = mean_median - constant @ gains
-    constant_part = float(np.var(averaged))
+    # the constant part of the residual is its mean over the white noise
+    constant = constant_sigma * _normals(n, FEW)
+    mean_median = _mean_median((mean + constant).T, white_sigma)
+    mean_residual = mean_median - constant @ gains
+    constant_part = float(np.var(mean_residual))
     white_part = max(0.0, total - constant_part)
-    linear_lasting = float(np.sum((gains * lasting) ** 2))
-    linear_white = float(np.sum((gains * white) ** 2))
-    median_mean = _expected(mean[:, None], sigma)
+    linear_constant = float(np.sum((gains * constant_sigma) ** 2))
+    linear_white = float(np.sum((gains * white_sigma) ** 2))
+    median_mean = _mean_median(mean[:, None], sigma)
     return MedianModel(
         gains=gains,
         mean=float(median_mean[0]),
-        lasting=linear_lasting + min(constant_part, total),
-        white=linear_white + white_part,
+        constant_variance=linear_constant + min(constant_part, total),
+        white_variance=linear_white + white_part,
     )

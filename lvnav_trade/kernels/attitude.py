@@ -1,6 +1,6 @@
 """Quaternions (scalar first, body to inertial) and small rotations, as functions of their components."""
 
-from lvnav_trade.kernels.jit import inlined, jit
+from lvnav_trade.kernels.jit import inline_jit, jit
 from lvnav_trade.kernels.lanes import where
 
 
@@ -13,7 +13,7 @@ def cross(ax, ay, az, bx, by, bz):
     return x, y, z
 
 
-@inlined
+@inline_jit
 def rotate(c, x, y, z):
     """Return the vector C (x, y, z).
 
@@ -34,7 +34,7 @@ def rotate(c, x, y, z):
     )
 
 
-@inlined
+@inline_jit
 def rotate_back(c, x, y, z):
     """Return the vector C' (x, y, z), the inverse of `rotate` for a rotation matrix.
 

@@ -28,12 +28,12 @@ class CheckedFiles(IndexDataCacheFile):  # type: ignore[misc]  # numba publishes
     def load(self, key: Any) -> Any:
         """Return the version for a key (argument types, processor, byte code); None if there is none."""
         name = self._load_index().get(key)
-        stored = None if name is None else self._read(name)
-        return stored[1] if stored is not None and stored[0] == key else None
+        entry = None if name is None else self._read(name)
+        return entry[1] if entry is not None and entry[0] == key else None
 
     def save(self, key: Any, data: Any) -> None:
         """Write a version. A lock on the index prevents two processes from using one file name for two versions."""
-        with self._locked():
+        with self._lock_files():
             super().save(key, (key, data))
 
     def _load_index(self) -> dict[Any, str]:
@@ -63,7 +63,7 @@ class CheckedFiles(IndexDataCacheFile):  # type: ignore[misc]  # numba publishes
         return hashlib.sha256(repr((numba.__version__, self._source_stamp)).encode() + content).digest()
 
     @contextmanager
-    def _locked(self) -> Iterator[None]:
+    def _lock_files(self) -> Iterator[None]:
         """Lock the files of this folder, if the file system supports it; otherwise `load` detects inconsistencies."""
         from filelock import FileLock, Timeout  # imported by the few processes that compile
 
@@ -84,7 +84,7 @@ class _CacheLocator(CompileResultCacheImpl._locator_classes[0]):  # type: ignore
         return cls(py_func, py_file) if os.path.exists(py_file) else None
 
 
-class _Stored(CompileResultCacheImpl):  # type: ignore[misc]
+class _StoredFunction(CompileResultCacheImpl):  # type: ignore[misc]
     """Stored form of a function, without the listing of its types, which would take a fifth of the folder."""
 
     _locator_classes = (_CacheLocator,)
@@ -97,7 +97,7 @@ class _Stored(CompileResultCacheImpl):  # type: ignore[misc]
 class KernelCache(FunctionCache):  # type: ignore[misc]
     """Compiled versions of a kernel on disk. A version that cannot be saved is used nevertheless."""
 
-    _impl_class = _Stored
+    _impl_class = _StoredFunction
 
     def __init__(self, function: Callable[..., Any]) -> None:
         super().__init__(function)
@@ -113,11 +113,11 @@ class KernelCache(FunctionCache):  # type: ignore[misc]
 
 
 @cache
-def _warn_not_stored(why: str) -> None:
+def _warn_not_stored(reason: str) -> None:
     """Log once per process that kernels cannot be stored."""
     _LOG.warning(
         "compiled kernels cannot be stored in %s (%s); every command compiles them again until NUMBA_CACHE_DIR is a "
         "folder that can be written",
         Path(numba.config.CACHE_DIR).parent,
-        why,
+        reason,
     )

@@ -44,18 +44,18 @@ def set_cache_folder() -> None:
     root_setting = os.environ.get(_VARIABLE, "")
     if Path(root_setting).name.startswith(_MARK):
         return
-    checked = "checked-" if os.environ.get("NUMBA_BOUNDSCHECK", "0") != "0" else ""  # numba's files do not say
-    plain = "plain-" if is_plain() else ""
-    name = f"{_MARK}{plain}{checked}{source_digest(Path(__file__).resolve().parents[1])}"
+    check_prefix = "checked-" if os.environ.get("NUMBA_BOUNDSCHECK", "0") != "0" else ""  # numba's files do not say
+    plain_prefix = "plain-" if is_plain() else ""
+    name = f"{_MARK}{plain_prefix}{check_prefix}{source_digest(Path(__file__).resolve().parents[1])}"
     root = _usual_root(root_setting)
     folder = root / name
-    why = _refusal(folder) if root.is_absolute() else "there is no home folder"
-    if why:
+    reason = _refusal(folder) if root.is_absolute() else "there is no home folder"
+    if reason:
         folder = _temporary_root(name) / name
         _LOG.warning(
             "compiled kernels cannot be stored in %s (%s) and are in %s; set %s to a folder of yours that stays",
             root,
-            why,
+            reason,
             folder.parent,
             _VARIABLE,
         )
@@ -85,23 +85,23 @@ def _temporary_root(name: str) -> Path:
     compiled kernels are executed.
     """
     user = os.getuid() if hasattr(os, "getuid") else 0
-    place = Path(tempfile.gettempdir(), f"lvnav_trade-{user}")
+    shared_folder = Path(tempfile.gettempdir(), f"lvnav_trade-{user}")
     try:
-        place.mkdir(mode=0o700, exist_ok=True)
-        status = place.lstat()
+        shared_folder.mkdir(mode=0o700, exist_ok=True)
+        status = shared_folder.lstat()
     except OSError:
         status = None
     is_private = status is not None and status.st_uid == user and not status.st_mode & 0o077
-    if is_private and status is not None and stat.S_ISDIR(status.st_mode) and not _refusal(place / name):
-        return place
-    private, owner = tempfile.mkdtemp(prefix="lvnav_trade-"), os.getpid()
+    if is_private and status is not None and stat.S_ISDIR(status.st_mode) and not _refusal(shared_folder / name):
+        return shared_folder
+    private_folder, owner = tempfile.mkdtemp(prefix="lvnav_trade-"), os.getpid()
 
     def remove() -> None:
         if os.getpid() == owner:
-            shutil.rmtree(private, ignore_errors=True)
+            shutil.rmtree(private_folder, ignore_errors=True)
 
     atexit.register(remove)
-    return Path(private)
+    return Path(private_folder)
 
 
 def _refusal(folder: Path) -> str:

@@ -19,11 +19,11 @@ from numba.core.registry import CPUDispatcher, cpu_target
 
 from lvnav_trade.kernels.by_address import PACKAGE, Compiler
 from lvnav_trade.kernels.cache_files import KernelCache
-from lvnav_trade.kernels.resolved_calls import remember
+from lvnav_trade.kernels.resolved_calls import install_call_cache
 
 _PART = "_part_of_lvnav_trade"
-_OWN = f"{len(PACKAGE)}{PACKAGE}"  # in the names of numba, a module after its length
-_ENTRY_NAME = f"_ZN7cpython{_OWN}"
+_PACKAGE_NAME = f"{len(PACKAGE)}{PACKAGE}"  # in the names of numba, a module after its length
+_ENTRY_NAME = f"_ZN7cpython{_PACKAGE_NAME}"
 _ENTRY = "entry"  # numba's own kinds are "object" and "bitcode"
 
 
@@ -70,21 +70,21 @@ class Library(JITCodeLibrary):  # type: ignore[misc]  # numba publishes no types
 
     def _optimize_functions(self, ll_module: Any) -> None:
         """Optimise functions; those of this package lightly, because their callers optimise them again."""
-        defined = [function for function in ll_module.functions if not function.is_declaration]
-        if not any(_OWN in function.name for function in defined):
+        defined_functions = [function for function in ll_module.functions if not function.is_declaration]
+        if not any(_PACKAGE_NAME in function.name for function in defined_functions):
             super()._optimize_functions(ll_module)
             return
         ll_module.data_layout = self._codegen._data_layout
         passes, builder = self._codegen._function_pass_manager(opt=1)
-        for function in defined:
+        for function in defined_functions:
             passes.run(function, builder)
 
     def _optimize_final_module(self) -> None:
         if not self.is_part:
             super()._optimize_final_module()
             return
-        light = {"loop_vectorize": False, "slp_vectorize": False, "opt": 0, "cost": "cheap"}  # numba's own first step
-        passes, builder = self._codegen._module_pass_manager(**light)
+        options = {"loop_vectorize": False, "slp_vectorize": False, "opt": 0, "cost": "cheap"}  # numba's own first step
+        passes, builder = self._codegen._module_pass_manager(**options)
         passes.run(self._final_module, builder)
 
     def _finalize_final_module(self) -> None:
@@ -102,8 +102,8 @@ class Library(JITCodeLibrary):  # type: ignore[misc]  # numba publishes no types
         if not self.is_entry:
             return super().serialize_using_object_code()
         self._ensure_finalized()
-        defined = (*self._final_module.functions, *self._final_module.global_variables)
-        names = frozenset(symbol.name for symbol in defined if not symbol.is_declaration)
+        symbols = (*self._final_module.functions, *self._final_module.global_variables)
+        names = frozenset(symbol.name for symbol in symbols if not symbol.is_declaration)
         return self.name, _ENTRY, (self._get_compiled_object(), names)
 
     @classmethod
@@ -132,23 +132,23 @@ class Codegen(JITCPUCodegen):  # type: ignore[misc]
 
 
 cpu_target.target_context.codegen().__class__ = Codegen
-remember()
+install_call_cache()
 
 
-_COLLECTED_AFTER = 100_000  # new objects; Python's own number is 700 or 2,000
+_COLLECTION_THRESHOLD = 100_000  # new objects; Python's own number is 700 or 2,000
 
 
 @contextmanager
-def _seldom_collected() -> Iterator[None]:
+def _rare_collection() -> Iterator[None]:
     """Collect garbage less often. Nearly all objects of the compiler are in use, and collection takes a tenth of its
     time.
     """
-    usual = gc.get_threshold()
-    gc.set_threshold(_COLLECTED_AFTER, *usual[1:])
+    thresholds = gc.get_threshold()
+    gc.set_threshold(_COLLECTION_THRESHOLD, *thresholds[1:])
     try:
         yield
     finally:
-        gc.set_threshold(*usual)
+        gc.set_threshold(*thresholds)
 
 
 class Kernel(CPUDispatcher):  # type: ignore[misc]  # numba publishes no types
@@ -162,7 +162,7 @@ class Kernel(CPUDispatcher):  # type: ignore[misc]  # numba publishes no types
 
     def compile(self, sig: Any) -> Any:
         """Compile a signature and everything that it calls, or load it from the cache."""
-        with _seldom_collected():
+        with _rare_collection():
             return super().compile(sig)
 
     @property
@@ -188,7 +188,7 @@ class InnerKernel(CPUDispatcher):  # type: ignore[misc]
         return super().get_call_template(tuple(map(numba.types.unliteral, args)), kws)
 
 
-def compiled(function: Callable[..., Any], options: dict[str, Any]) -> Callable[..., Any]:
+def compile_kernel(function: Callable[..., Any], options: dict[str, Any]) -> Callable[..., Any]:
     """Return a kernel for Python, with its twin for kernels. options: those of numba.njit."""
     options = options | {"pipeline_class": Compiler, "no_cfunc_wrapper": True}
     twin = FunctionType(

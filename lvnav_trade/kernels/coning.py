@@ -1,11 +1,11 @@
 """Compensation of coning and sculling: products of increments, and rotation of the velocity increment."""
 
 from lvnav_trade.kernels.attitude import cross, from_rotation, matrix, rotate
-from lvnav_trade.kernels.jit import inlined, jit
-from lvnav_trade.kernels.lanes import like
+from lvnav_trade.kernels.jit import inline_jit, jit
+from lvnav_trade.kernels.lanes import number_like
 
 
-@inlined
+@inline_jit
 def increment_sums(increments, first, subsamples):
     """Return the sums of angle (3) rad and velocity (3) m/s increments of a step, body axes.
 
@@ -31,7 +31,7 @@ def increment_sums(increments, first, subsamples):
     return wx, wy, wz, fx, fy, fz
 
 
-@inlined
+@inline_jit
 def products_within_step(increments, first, algorithm):
     """Return coning (3) rad and sculling (3) m/s by the increments of a step, body axes.
 
@@ -44,7 +44,7 @@ def products_within_step(increments, first, algorithm):
     algorithm : Strapdown, with `subsamples` and `weights`
     """
     last = first + algorithm.subsamples - 1
-    px = py = pz = ux = uy = uz = like(increments[last, 0], 0.0)
+    px = py = pz = ux = uy = uz = number_like(increments[last, 0], 0.0)
     for j in range(algorithm.weights.shape[0]):
         weight = algorithm.weights[j]
         row = first + j
@@ -71,7 +71,7 @@ def products_within_step(increments, first, algorithm):
 
 
 @jit
-def pair_products(increments, first, further):
+def pair_products(increments, first, extensions):
     """Return coning (3) rad and sculling (3) m/s by the weighted products of all pairs of increments of a step.
 
     With the weights b_jk, coning is the sum over j < k of b_jk w_j x w_k, and sculling that of
@@ -81,16 +81,16 @@ def pair_products(increments, first, further):
     ----------
     increments : (n, 6) angle (rad) and velocity (m/s) increments, body axes
     first : index of the first increment of the step
-    further : StrapdownExtensions, with the weights `pairs`
+    extensions : StrapdownExtensions, with the weights `pairs`
     """
-    zero = like(increments[first, 0], 0.0)
+    zero = number_like(increments[first, 0], 0.0)
     cx = cy = cz = zero
     sx = sy = sz = zero
-    for k in range(1, further.pairs.shape[0]):
+    for k in range(1, extensions.pairs.shape[0]):
         px = py = pz = zero
         ux = uy = uz = zero
         for j in range(k):
-            weight = further.pairs[j, k]
+            weight = extensions.pairs[j, k]
             row = first + j
             px += weight * increments[row, 0]
             py += weight * increments[row, 1]
@@ -98,13 +98,13 @@ def pair_products(increments, first, further):
             ux += weight * increments[row, 3]
             uy += weight * increments[row, 4]
             uz += weight * increments[row, 5]
-        later = first + k
-        wx = increments[later, 0]
-        wy = increments[later, 1]
-        wz = increments[later, 2]
-        fx = increments[later, 3]
-        fy = increments[later, 4]
-        fz = increments[later, 5]
+        later_row = first + k
+        wx = increments[later_row, 0]
+        wy = increments[later_row, 1]
+        wz = increments[later_row, 2]
+        fx = increments[later_row, 3]
+        fy = increments[later_row, 4]
+        fz = increments[later_row, 5]
         dx, dy, dz = cross(px, py, pz, wx, wy, wz)
         ax, ay, az = cross(px, py, pz, fx, fy, fz)
         bx, by, bz = cross(ux, uy, uz, wx, wy, wz)
@@ -145,8 +145,8 @@ def velocity_rotation(wx, wy, wz, fx, fy, fz):
     return change_x, change_y, change_z
 
 
-@inlined
-def _products_across(previous, across, wx, wy, wz, fx, fy, fz):
+@inline_jit
+def _products_across(previous, weight, wx, wy, wz, fx, fy, fz):
     """Return coning (3) rad and sculling (3) m/s by the products of two successive steps, body axes.
 
     With p and u of the step before and the weight a, coning is a p x w, and sculling a (p x f + u x w).
@@ -154,23 +154,23 @@ def _products_across(previous, across, wx, wy, wz, fx, fy, fz):
     Parameters
     ----------
     previous : (6,) angle (rad) and velocity (m/s) increments p, u of the step before
-    across : weight of the products
+    weight : weight of the products
     wx, wy, wz : rad, angle increments w of the step
     fx, fy, fz : m/s, velocity increments f of the step
     """
-    px = across * previous[0]
-    py = across * previous[1]
-    pz = across * previous[2]
+    px = weight * previous[0]
+    py = weight * previous[1]
+    pz = weight * previous[2]
     cx, cy, cz = cross(px, py, pz, wx, wy, wz)
     ax, ay, az = cross(px, py, pz, fx, fy, fz)
     bx, by, bz = cross(previous[3], previous[4], previous[5], wx, wy, wz)
-    sx = ax + across * bx
-    sy = ay + across * by
-    sz = az + across * bz
+    sx = ax + weight * bx
+    sy = ay + weight * by
+    sz = az + weight * bz
     return cx, cy, cz, sx, sy, sz
 
 
-@inlined
+@inline_jit
 def _store_increments(previous, wx, wy, wz, fx, fy, fz):
     """Store the sums of angle (3) rad and velocity (3) m/s increments of a step in `previous` (6,)."""
     previous[0] = wx
@@ -182,7 +182,7 @@ def _store_increments(previous, wx, wy, wz, fx, fy, fz):
 
 
 @jit
-def compensate_step(further, previous, increments, first, algorithm):
+def compensate_step(extensions, previous, increments, first, algorithm):
     """Return rotation vector (3), velocity gained (3) and summed increments (6) of a step, body axes at its start.
 
     The equations are those of `strapdown.integrate`. With products of pairs, the product across steps is that of the
@@ -190,7 +190,7 @@ def compensate_step(further, previous, increments, first, algorithm):
 
     Parameters
     ----------
-    further : StrapdownExtensions
+    extensions : StrapdownExtensions
     previous : (6,) as in `mechanise`, updated in place
     increments : (n, 6) angle (rad) and velocity (m/s) increments, body axes
     first : index of the first increment of the step
@@ -200,9 +200,9 @@ def compensate_step(further, previous, increments, first, algorithm):
     wx, wy, wz, fx, fy, fz = increment_sums(increments, first, n)
     tx, ty, tz = wx, wy, wz
     ux, uy, uz = fx, fy, fz
-    if further.pairs.shape[0] > 0:
+    if extensions.pairs.shape[0] > 0:
         tx, ty, tz, ux, uy, uz = increment_sums(increments, first, 1)
-    cx, cy, cz, sx, sy, sz = _products_across(previous, algorithm.across, tx, ty, tz, ux, uy, uz)
+    cx, cy, cz, sx, sy, sz = _products_across(previous, algorithm.previous_step_weight, tx, ty, tz, ux, uy, uz)
     if algorithm.weights.shape[0] > 0:
         ax, ay, az, bx, by, bz = products_within_step(increments, first, algorithm)
         cx = cx + ax
@@ -211,8 +211,8 @@ def compensate_step(further, previous, increments, first, algorithm):
         sx = sx + bx
         sy = sy + by
         sz = sz + bz
-    if further.pairs.shape[0] > 0:
-        ax, ay, az, bx, by, bz = pair_products(increments, first, further)
+    if extensions.pairs.shape[0] > 0:
+        ax, ay, az, bx, by, bz = pair_products(increments, first, extensions)
         cx = cx + ax
         cy = cy + ay
         cz = cz + az
@@ -228,12 +228,12 @@ def compensate_step(further, previous, increments, first, algorithm):
     last = first + n - 1
     for i in range(6):
         previous[i] = increments[last, i]
-    if further.pairs.shape[0] == 0:
+    if extensions.pairs.shape[0] == 0:
         _store_increments(previous, wx, wy, wz, fx, fy, fz)
     dx = fx + ax + sx
     dy = fy + ay + sy
     dz = fz + az + sz
-    if algorithm.at_end:
+    if algorithm.has_end_attitude:
         e0, e1, e2, e3 = from_rotation(wx, wy, wz)
         c = matrix(e0, e1, e2, e3)
         dx, dy, dz = rotate(c, fx, fy, fz)

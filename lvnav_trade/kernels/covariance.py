@@ -16,13 +16,13 @@ With given gains everything is linear in the sources, so the true covariance is 
 import numpy as np
 
 from lvnav_trade.kernels.block_products import N_NAV_ROWS, advance_by_blocks
-from lvnav_trade.kernels.jit import inlined, jit
-from lvnav_trade.kernels.lanes import like, sqrt, where
+from lvnav_trade.kernels.jit import inline_jit, jit
+from lvnav_trade.kernels.lanes import number_like, sqrt, where
 from lvnav_trade.kernels.strapdown import SUM_C
 from lvnav_trade.kernels.transition import ATT, VEL
 
 N_NAV_ERROR = N_NAV_ROWS
-NOT_USED = -1.0
+CLOSED_GATE = -1.0
 """Gate of a measurement that is not used: no squared innovation is below it, so its weight is zero."""
 
 
@@ -72,28 +72,28 @@ def predict(P, blocks, rows, columns, decay, noise, clock, seconds):
 
 
 @jit
-def add_turned(P, uneven, sums, seconds):
+def add_axis_noise(P, axis_densities, sums, seconds):
     """Add half of the white noise by which body axes differ: C diag(q) C' seconds / 2, in attitude and in velocity.
 
     C is the mean rotation from body axes to frame i over the window, from the integrals `sums` (18,) of the strapdown.
-    uneven : (2, 3) q of gyros and accelerometers, SI squared per second; None if all axes are alike
+    axis_densities : (2, 3) q of gyros and accelerometers, SI squared per second; None if all axes are alike
     """
-    if uneven is not None:
-        _add_turned(P, uneven, sums, seconds)
+    if axis_densities is not None:
+        _add_axis_noise(P, axis_densities, sums, seconds)
 
 
 @jit
-def _add_turned(P, uneven, sums, seconds):
+def _add_axis_noise(P, axis_densities, sums, seconds):
     if seconds > 0.0:
         for sensor in range(2):
             first = ATT if sensor == 0 else VEL
             for i in range(3):
                 for j in range(i, 3):
                     # with the integral S of C: C diag(q) C' seconds / 2 = S diag(q) S' / (2 seconds)
-                    total = like(P[0, 0], 0.0)
+                    total = number_like(P[0, 0], 0.0)
                     for axis in range(3):
                         product = sums[SUM_C + 3 * i + axis] * sums[SUM_C + 3 * j + axis]
-                        density = 0.5 * uneven[sensor, axis] / seconds
+                        density = 0.5 * axis_densities[sensor, axis] / seconds
                         total += density * product
                     value = P[first + i, first + j] + total
                     P[first + i, first + j] = value
@@ -124,10 +124,10 @@ def grow(P, weights):
             root = sqrt(where(margin > 0.0, margin, np.nan))
             for i in range(n):
                 if i != k:
-                    scaled = weights[k] * (P[i, k] / root)
+                    scaled_entry = weights[k] * (P[i, k] / root)
                     for j in range(i, n):
                         if j != k:
-                            value = P[i, j] + scaled * (P[j, k] / root)
+                            value = P[i, j] + scaled_entry * (P[j, k] / root)
                             P[i, j] = value
                             P[j, i] = value
             for i in range(n):
@@ -136,7 +136,7 @@ def grow(P, weights):
                 P[k, i] = value
 
 
-@inlined
+@inline_jit
 def _innovation_and_variance(P, x, Ph, h, entries, columns, innovation, variance, beta, n):
     """Set Ph to P h'; return the innovation variance and the innovation after earlier measurements of the epoch."""
     for i in range(n):
@@ -174,22 +174,22 @@ def update_scalar(P, x, Ph, h, entries, columns, innovation, variance, gate_squa
     entries, columns : (n_column,) int, entries of h that are not zero, and the states that they multiply
     innovation : measured minus predicted at the linearisation point
     variance : variance of v
-    gate_squared : largest square of the normalised innovation that is accepted (inf: all; NOT_USED: none)
+    gate_squared : largest square of the normalised innovation that is accepted (inf: all; CLOSED_GATE: none)
     n_estimated : number of estimated states
     joseph : whether the covariance update has Joseph's form
     beta : underweighting (Lear): the innovation variance has beta h P h' in addition
 
     Returns
     -------
-    normalised : innovation divided by its standard deviation, before the gate
+    normalised_innovation : innovation divided by its standard deviation, before the gate
     weight : 1 / innovation variance; 0 if rejected
     """
     n = P.shape[0]
     s, residual = _innovation_and_variance(P, x, Ph, h, entries, columns, innovation, variance, beta, n)
-    accepted = residual * residual <= gate_squared * s
+    is_accepted = residual * residual <= gate_squared * s
     inverse = 1.0 / s
-    weight = where(accepted, inverse, 0.0)
-    step = where(accepted, residual, 0.0) * weight
+    weight = where(is_accepted, inverse, 0.0)
+    step = where(is_accepted, residual, 0.0) * weight
     for i in range(n_estimated):
         x[i] += Ph[i] * step
     if joseph:
@@ -201,8 +201,8 @@ def update_scalar(P, x, Ph, h, entries, columns, innovation, variance, gate_squa
                 value = P[i, j] - gain * Ph[j]
                 P[i, j] = value
                 P[j, i] = value
-    normalised = residual * sqrt(inverse)
-    return normalised, weight
+    normalised_innovation = residual * sqrt(inverse)
+    return normalised_innovation, weight
 
 
 @jit
@@ -214,16 +214,16 @@ def update_with_gain(P, x, Ph, h, entries, columns, gain, innovation, variance, 
     """
     n = P.shape[0]
     s, residual = _innovation_and_variance(P, x, Ph, h, entries, columns, innovation, variance, beta, n)
-    accepted = residual * residual <= gate_squared * s
-    step = where(accepted, residual, 0.0)
+    is_accepted = residual * residual <= gate_squared * s
+    step = where(is_accepted, residual, 0.0)
     for i in range(n_estimated):
         x[i] += gain[i] * step
-    applied = where(accepted, 1.0, 0.0)
-    _joseph(P, Ph, gain, applied, s, n_estimated, n)
+    gain_factor = where(is_accepted, 1.0, 0.0)
+    _joseph(P, Ph, gain, gain_factor, s, n_estimated, n)
     inverse = 1.0 / s
-    normalised = residual * sqrt(inverse)
-    weight = where(accepted, inverse, 0.0)
-    return normalised, weight
+    normalised_innovation = residual * sqrt(inverse)
+    weight = where(is_accepted, inverse, 0.0)
+    return normalised_innovation, weight
 
 
 @jit
@@ -249,7 +249,7 @@ def normalised_square(P, X, y, x, n):
 
     X (n, n) and y (n,) are scratch: X gets L below its diagonal, D on it, and (L D)' above it.
     """
-    total = like(x[0], 0.0)
+    total = number_like(x[0], 0.0)
     for i in range(n):
         pivot = P[i, i]
         residual = x[i]
@@ -311,13 +311,13 @@ def apply_phi_transposed(y, blocks, rows, columns, decay, clock, seconds):
 @jit
 def update_vector(y, gain, h, entries, columns):
     """Y <- (I - k h) y; return h y before the update. One vector, or lanes; parameters as in `update_scalar`."""
-    projected = like(y[0], 0.0)
+    projection = number_like(y[0], 0.0)
     for c in range(columns.shape[0]):
         state = columns[c]
-        projected += h[entries[c]] * y[state]
+        projection += h[entries[c]] * y[state]
     for i in range(y.shape[0]):
-        y[i] -= gain[i] * projected
-    return projected
+        y[i] -= gain[i] * projection
+    return projection
 
 
 @jit
@@ -325,22 +325,22 @@ def update_covariance(P, work, gain, h, entries, columns, variance):
     """P <- (I - k h) P (I - k h)' + k variance k' for any gain k (n,); return h P h' before the update."""
     n = P.shape[0]
     for i in range(n):  # work = P h'
-        value = like(P[0, 0], 0.0)
+        value = number_like(P[0, 0], 0.0)
         for c in range(columns.shape[0]):
             state = columns[c]
             value += P[i, state] * h[entries[c]]
         work[i] = value
-    predicted = like(P[0, 0], 0.0)
+    predicted_variance = number_like(P[0, 0], 0.0)
     for c in range(columns.shape[0]):
         state = columns[c]
-        predicted += h[entries[c]] * work[state]
-    total = predicted + variance
+        predicted_variance += h[entries[c]] * work[state]
+    total = predicted_variance + variance
     for i in range(n):
         for j in range(i, n):
             value = P[i, j] - gain[i] * work[j] - work[i] * gain[j] + gain[i] * total * gain[j]
             P[i, j] = value
             P[j, i] = value
-    return predicted
+    return predicted_variance
 
 
 @jit

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lvnav_trade.kernels.jit import jit, making_arrays
+from lvnav_trade.kernels.jit import array_jit, jit
 from lvnav_trade.kernels.lanes import sqrt
 
 # WGS-84 defining constants (NGA.STND.0036), and constants derived from them.
@@ -110,22 +110,22 @@ def gravity_gradient(x: Any, y: Any, z: Any) -> Any:
     z2 = z * z / r2
     k = GM / (r2 * sqrt(r2))
     c = 1.5 * J2 * SEMI_MAJOR * SEMI_MAJOR / r2
-    level = 3.0 + c * (5.0 - 35.0 * z2)  # factor of the products of horizontal coordinates
-    inner = 1.0 - c * (5.0 * z2 - 1.0)
-    steep = 3.0 + c * (15.0 - 35.0 * z2)  # factor of the products with z
-    tilted = k * steep / r2
+    level_factor = 3.0 + c * (5.0 - 35.0 * z2)  # factor of the products of horizontal coordinates
+    inner_factor = 1.0 - c * (5.0 * z2 - 1.0)
+    steep_factor = 3.0 + c * (15.0 - 35.0 * z2)  # factor of the products with z
+    tilt_factor = k * steep_factor / r2
     polar = 30.0 * z2 - 3.0 - 35.0 * z2 * z2
-    xx = k * (level * x2 - inner)
-    yy = k * (level * y2 - inner)
+    xx = k * (level_factor * x2 - inner_factor)
+    yy = k * (level_factor * y2 - inner_factor)
     zz = k * (3.0 * z2 - 1.0 + c * polar)
-    xy = k * level * x * y / r2
-    xz = tilted * x * z
-    yz = tilted * y * z
+    xy = k * level_factor * x * y / r2
+    xz = tilt_factor * x * z
+    yz = tilt_factor * y * z
     return xx, xy, xz, yy, yz, zz
 
 
 @jit
-def height_and_up(x: Any, y: Any, z: Any) -> Any:
+def height_and_normal(x: Any, y: Any, z: Any) -> Any:
     """Return the height over the ellipsoid and the upward normal of the ellipsoid.
 
     One step of Bowring's latitude (Survey Review 23, 1976) without a division by the distance from the polar axis. The
@@ -155,7 +155,7 @@ def height_and_up(x: Any, y: Any, z: Any) -> Any:
     return height, x * level, y * level, sine
 
 
-@making_arrays
+@array_jit
 def gravity_along(r: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return `gravity_j4` at positions r (n, 3) in m, frame i or e, as (n, 3) in m/s^2, the same frame."""
     g = np.empty_like(r)

@@ -13,39 +13,39 @@ import numba  # noqa: E402  (the cache folder must be known first)
 numba.config.CACHE_DIR = os.environ["NUMBA_CACHE_DIR"]
 
 
-def _compiled(function: Callable[..., Any], **options: Any) -> Callable[..., Any]:
+def _compile(function: Callable[..., Any], **options: Any) -> Callable[..., Any]:
     if numba.config.DISABLE_JIT:
         return function
     options = {"nogil": True, "error_model": "numpy", "fastmath": False, "_nrt": False, **options}
     if is_plain():
         return numba.njit(cache=True, **options)(function)
-    from lvnav_trade.kernels.compiler import compiled
+    from lvnav_trade.kernels.compiler import compile_kernel
 
-    return compiled(function, options)
+    return compile_kernel(function, options)
 
 
 def jit(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Compile a kernel that creates no array, see `making_arrays`.
+    """Compile a kernel that creates no array, see `array_jit`.
 
     The kernel is cached and runs without the interpreter lock. Division by zero gives inf or NaN, as in numpy.
     """
-    return _compiled(function)
+    return _compile(function)
 
 
-def making_arrays(function: Callable[..., Any]) -> Callable[..., Any]:
+def array_jit(function: Callable[..., Any]) -> Callable[..., Any]:
     """Compile a kernel that creates arrays; callers that pass such arrays on need this decorator too.
 
     Only these kernels count references to arrays. Counting takes two locked instructions wherever an array of a record
     is named, a third of the time of a run with the covariance at 200 Hz. Kernels under `jit` do not count and therefore
     return no array.
     """
-    return _compiled(function, _nrt=True)
+    return _compile(function, _nrt=True)
 
 
-def inlined(function: Callable[..., Any]) -> Callable[..., Any]:
+def inline_jit(function: Callable[..., Any]) -> Callable[..., Any]:
     """Compile a kernel that is inlined into its callers, for steps of a loop.
 
     A call would copy hundreds of words of settings and views each time. LLVM inlines the kernel. Inlining by numba
     (`inline="always"`) shortens compilation by 15 % but makes runs 20 % slower.
     """
-    return _compiled(function, forceinline=True)
+    return _compile(function, forceinline=True)

@@ -3,7 +3,7 @@
 A kernel is written for one run, in plain indexing: ``P[i, j] = P[i, j] - gain * K[j]``. With float64 arrays it
 processes one run. With views, made by `view` of arrays whose last axis has `WIDTH` runs, it processes eight. The source
 must be *lane-clean*: no branch on a value that differs between runs (use `where`), and accumulators that start from
-`like`.
+`number_like`.
 
 The lane types are numba extension types on LLVM vectors; LLVM splits them on processors with narrower vectors. With
 ``NUMBA_DISABLE_JIT=1`` only the one-run form exists, and every name here is an ordinary Python function.
@@ -115,14 +115,14 @@ def _locate(context, builder, lane_view, value, index_type, index):
     """
     proxy = _proxy(context, builder, lane_view, value)
     shape = cgutils.unpack_tuple(builder, proxy.shape)
-    parts = [index]
-    part_types = [index_type]
+    index_components = [index]
+    component_types = [index_type]
     if isinstance(index_type, types.BaseTuple):
-        parts = cgutils.unpack_tuple(builder, index)
-        part_types = index_type.types
+        index_components = cgutils.unpack_tuple(builder, index)
+        component_types = index_type.types
     indices = []
-    for part, part_type in zip(parts, part_types, strict=True):
-        indices.append(context.cast(builder, part, part_type, types.intp))
+    for index_component, component_type in zip(index_components, component_types, strict=True):
+        indices.append(context.cast(builder, index_component, component_type, types.intp))
     if context.enable_boundscheck:
         for axis, axis_index in enumerate(indices):
             cgutils.do_boundscheck(context, builder, axis_index, shape[axis], axis)
@@ -228,7 +228,7 @@ def _where(condition, a, b):
     return lambda condition, a, b: a if condition else b
 
 
-def _number_like(lane):
+def _lane_constant(lane):
     @intrinsic
     def eight_times(typingctx, number):
         def codegen(context, builder, sig, args):
@@ -239,16 +239,16 @@ def _number_like(lane):
     return eight_times
 
 
-_eight_floats, _eight_words = _number_like(f64x8), _number_like(u64x8)
+_eight_floats, _eight_words = _lane_constant(f64x8), _lane_constant(u64x8)
 
 
-def like(x, number):
+def number_like(x, number):
     """Return a number with the type of `x`, one float or eight lanes; the initial value of an accumulator."""
     return float(number)
 
 
-@overload(like)
-def _like(x, number):
+@overload(number_like)
+def _number_like(x, number):
     if isinstance(x, Lane):
         return lambda x, number: _eight_floats(number)
     return lambda x, number: float(number)
@@ -285,7 +285,7 @@ def _convert(function, source, target, instruction):
     """Implement a conversion function for numba by one LLVM instruction, for a lane and for one number."""
 
     @intrinsic
-    def converted(typingctx, a):
+    def convert(typingctx, a):
         def codegen(context, builder, sig, args):
             return getattr(builder, instruction)(args[0], context.get_value_type(sig.return_type))
 
@@ -293,7 +293,7 @@ def _convert(function, source, target, instruction):
 
     @overload(function)
     def dispatch(a):
-        return lambda a: converted(a)
+        return lambda a: convert(a)
 
 
 _convert(bits, f64x8, u64x8, "bitcast")
@@ -310,24 +310,24 @@ def grouped_zeros(shape: tuple[int, ...]) -> NDArray[np.float64]:
     return aligned_zeros((*shape, GROUP))
 
 
-def whole(array: Any) -> Any:
+def group_view(array: Any) -> Any:
     """Return an array of one group, as lanes."""
     return array[..., 0]
 
 
-@overload(whole)
-def _whole(array):
+@overload(group_view)
+def _group_view(array):
     return lambda array: view(array)
 
 
 @jit
 def group(array: Any, index: Any) -> Any:
     """Return one group of sources, as lanes."""
-    return whole(array[index])
+    return group_view(array[index])
 
 
 @jit
-def total_of(array: Any) -> Any:
+def lane_total(array: Any) -> Any:
     """Return the sum of an array (1, n_lane) over its lanes."""
     total = 0.0
     for lane in range(array.shape[1]):

@@ -6,7 +6,7 @@ and east are undefined at a pole; a trajectory within metres of a pole loses pre
 """
 
 from lvnav_trade.kernels.attitude import cross, multiply, rotate, rotate_back
-from lvnav_trade.kernels.earth import ECCENTRICITY_2, OMEGA, SEMI_MAJOR, height_and_up
+from lvnav_trade.kernels.earth import ECCENTRICITY_2, OMEGA, SEMI_MAJOR, height_and_normal
 from lvnav_trade.kernels.jit import jit
 from lvnav_trade.kernels.lanes import sqrt, where
 
@@ -15,7 +15,7 @@ _ROUNDS = 3  # iterations of the latitude; each reduces the error to 0.7 %
 
 
 @jit
-def place_of(px, py, pz):
+def place_geometry(px, py, pz):
     """Return normal, height and radii of curvature at a place.
 
     N = a / sqrt(1 - e^2 sin^2 L), M = N (1 - e^2) / (1 - e^2 sin^2 L), L the latitude (Groves, 2nd ed., chapter 2).
@@ -42,21 +42,21 @@ def place_of(px, py, pz):
 
 
 @jit
-def position_of(px, py, pz):
+def place_position(px, py, pz):
     """Return the position (3) m of a place, Earth-fixed axes: ((N + h) u_x, (N + h) u_y, (N (1 - e^2) + h) u_z).
 
     Parameters
     ----------
     px, py, pz : place, Earth-fixed axes
     """
-    ux, uy, uz, height, _, prime = place_of(px, py, pz)
-    level = prime + height
+    ux, uy, uz, height, _, prime = place_geometry(px, py, pz)
+    radius = prime + height
     polar = prime * (1.0 - ECCENTRICITY_2) + height
-    return level * ux, level * uy, polar * uz
+    return radius * ux, radius * uy, polar * uz
 
 
 @jit
-def axes_of(code, px, py, pz):
+def local_axes(code, px, py, pz):
     """Return the nine entries, by rows, of the matrix from Earth-fixed to local axes at a place.
 
     Parameters
@@ -68,13 +68,13 @@ def axes_of(code, px, py, pz):
     ux = px / length
     uy = py / length
     uz = pz / length
-    level = sqrt(ux * ux + uy * uy)  # cosine of the latitude
-    ex = -uy / level
-    ey = ux / level
+    cos_latitude = sqrt(ux * ux + uy * uy)
+    ex = -uy / cos_latitude
+    ey = ux / cos_latitude
     ez = 0.0 * ux
-    nx = -uz * ux / level
-    ny = -uz * uy / level
-    nz = level
+    nx = -uz * ux / cos_latitude
+    ny = -uz * uy / cos_latitude
+    nz = cos_latitude
     if code == NED:
         dx = -ux
         dy = -uy
@@ -98,7 +98,7 @@ def north_east_up(code, x, y, z):
 
 
 @jit
-def local(code, north, east, up):
+def local_components(code, north, east, up):
     """Return the components of a vector in local axes, the inverse of `north_east_up`.
 
     Parameters
@@ -123,13 +123,13 @@ def transport_rate(code, px, py, pz, vx, vy, vz):
     px, py, pz : place
     vx, vy, vz : m/s, velocity relative to the Earth, local axes
     """
-    ux, uy, uz, height, meridian, prime = place_of(px, py, pz)
+    ux, uy, uz, height, meridian, prime = place_geometry(px, py, pz)
     north, east, _ = north_east_up(code, vx, vy, vz)
     rate_north = east / (prime + height)
     rate_east = -north / (meridian + height)
     level = sqrt(ux * ux + uy * uy)  # cosine of the latitude
     rate_up = rate_north * uz / level
-    return local(code, rate_north, rate_east, rate_up)
+    return local_components(code, rate_north, rate_east, rate_up)
 
 
 @jit
@@ -145,11 +145,11 @@ def earth_rate(code, px, py, pz):
     level = sqrt(px * px + py * py)
     rate_north = OMEGA * level / length
     rate_up = OMEGA * pz / length
-    return local(code, rate_north, 0.0 * px, rate_up)
+    return local_components(code, rate_north, 0.0 * px, rate_up)
 
 
 @jit
-def moving(px, py, pz, code, vx, vy, vz):
+def place_rate(px, py, pz, code, vx, vy, vz):
     """Return the time derivative (3) 1/s of a place, Earth-fixed axes.
 
     The place is p = (1 + h/a) u. Its derivative has the components (1 + h/a) v_N / (M + h) to the north,
@@ -161,21 +161,21 @@ def moving(px, py, pz, code, vx, vy, vz):
     code : NED or ENU
     vx, vy, vz : m/s, velocity relative to the Earth, local axes
     """
-    ux, uy, uz, height, meridian, prime = place_of(px, py, pz)
+    ux, uy, uz, height, meridian, prime = place_geometry(px, py, pz)
     north, east, up = north_east_up(code, vx, vy, vz)
     level = sqrt(ux * ux + uy * uy)
     length = 1.0 + height / SEMI_MAJOR
-    to_north = length * north / (meridian + height)
-    to_east = length * east / (prime + height) / level  # times (-u_y, u_x, 0), which has the length `level`
-    upwards = up / SEMI_MAJOR
-    dx = -to_north * uz * ux / level - to_east * uy + upwards * ux
-    dy = -to_north * uz * uy / level + to_east * ux + upwards * uy
-    dz = to_north * level + upwards * uz
+    north_rate = length * north / (meridian + height)
+    east_rate = length * east / (prime + height) / level  # times (-u_y, u_x, 0), which has the length `level`
+    up_rate = up / SEMI_MAJOR
+    dx = -north_rate * uz * ux / level - east_rate * uy + up_rate * ux
+    dy = -north_rate * uz * uy / level + east_rate * ux + up_rate * uy
+    dz = north_rate * level + up_rate * uz
     return dx, dy, dz
 
 
 @jit
-def falling(code, px, py, pz, vx, vy, vz, gx, gy, gz):
+def free_fall_acceleration(code, px, py, pz, vx, vy, vz, gx, gy, gz):
     """Return the derivative of the velocity without specific force (3) m/s^2, local axes.
 
     It has gravitation and centrifugal acceleration, minus (2 w_ie + w_en) x v: Coriolis and transport terms.
@@ -187,10 +187,10 @@ def falling(code, px, py, pz, vx, vy, vz, gx, gy, gz):
     vx, vy, vz : m/s, velocity relative to the Earth, local axes
     gx, gy, gz : m/s^2, gravitation, Earth-fixed axes
     """
-    x, y, _ = position_of(px, py, pz)
+    x, y, _ = place_position(px, py, pz)
     gx += OMEGA * OMEGA * x
     gy += OMEGA * OMEGA * y
-    lx, ly, lz = rotate(axes_of(code, px, py, pz), gx, gy, gz)
+    lx, ly, lz = rotate(local_axes(code, px, py, pz), gx, gy, gz)
     ix, iy, iz = earth_rate(code, px, py, pz)
     tx, ty, tz = transport_rate(code, px, py, pz, vx, vy, vz)
     # 2 w_ie + w_en
@@ -202,7 +202,7 @@ def falling(code, px, py, pz, vx, vy, vz, gx, gy, gz):
 
 
 @jit
-def turning(code, px, py, pz, vx, vy, vz):
+def axes_rate(code, px, py, pz, vx, vy, vz):
     """Return the rotation rate (3) rad/s of the local axes in inertial space, local axes: w_ie + w_en.
 
     Parameters
@@ -255,12 +255,12 @@ def _larger(p0, p1, p2, p3, s, q0, q1, q2, q3, t):
     p0, p1, p2, p3, s : first vector of four, and its size
     q0, q1, q2, q3, t : second vector of four, and its size
     """
-    is_larger = s > t
-    larger_0 = where(is_larger, p0, q0)
-    larger_1 = where(is_larger, p1, q1)
-    larger_2 = where(is_larger, p2, q2)
-    larger_3 = where(is_larger, p3, q3)
-    size = where(is_larger, s, t)
+    is_first_larger = s > t
+    larger_0 = where(is_first_larger, p0, q0)
+    larger_1 = where(is_first_larger, p1, q1)
+    larger_2 = where(is_first_larger, p2, q2)
+    larger_3 = where(is_first_larger, p3, q3)
+    size = where(is_first_larger, s, t)
     return larger_0, larger_1, larger_2, larger_3, size
 
 
@@ -278,7 +278,7 @@ def to_local(nav, code, q, v, r):
     x = nav[r]
     y = nav[r + 1]
     z = nav[r + 2]
-    height, ux, uy, uz = height_and_up(x, y, z)
+    height, ux, uy, uz = height_and_normal(x, y, z)
     # fixed point: the normal is parallel to (x, y, z (N + h) / (N (1 - e^2) + h)), N the radius of the prime vertical
     for _ in range(_ROUNDS):
         prime = SEMI_MAJOR / sqrt(1.0 - ECCENTRICITY_2 * (uz * uz))
@@ -296,7 +296,7 @@ def to_local(nav, code, q, v, r):
     nav[r] = length * ux
     nav[r + 1] = length * uy
     nav[r + 2] = length * uz
-    c = axes_of(code, ux, uy, uz)
+    c = local_axes(code, ux, uy, uz)
     vx, vy, vz = rotate(c, nav[v], nav[v + 1], nav[v + 2])
     nav[v] = vx
     nav[v + 1] = vy
@@ -322,19 +322,19 @@ def from_local(nav, code, q, v, r):
     px = nav[r]
     py = nav[r + 1]
     pz = nav[r + 2]
-    c = axes_of(code, px, py, pz)
+    c = local_axes(code, px, py, pz)
     vx, vy, vz = rotate_back(c, nav[v], nav[v + 1], nav[v + 2])
     nav[v] = vx
     nav[v + 1] = vy
     nav[v + 2] = vz
-    transposed = (c[0], c[3], c[6], c[1], c[4], c[7], c[2], c[5], c[8])
-    p0, p1, p2, p3 = _quaternion(transposed)
+    inverse_matrix = (c[0], c[3], c[6], c[1], c[4], c[7], c[2], c[5], c[8])
+    p0, p1, p2, p3 = _quaternion(inverse_matrix)
     p0, p1, p2, p3 = multiply(p0, p1, p2, p3, nav[q], nav[q + 1], nav[q + 2], nav[q + 3])
     nav[q] = p0
     nav[q + 1] = p1
     nav[q + 2] = p2
     nav[q + 3] = p3
-    x, y, z = position_of(px, py, pz)
+    x, y, z = place_position(px, py, pz)
     nav[r] = x
     nav[r + 1] = y
     nav[r + 2] = z

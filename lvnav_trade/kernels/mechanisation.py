@@ -7,9 +7,17 @@ only for cases that use them.
 from lvnav_trade.kernels.attitude import cross, from_rotation, matrix, multiply, normalise, rotate, rotate_back
 from lvnav_trade.kernels.coning import compensate_step
 from lvnav_trade.kernels.earth import OMEGA
-from lvnav_trade.kernels.jit import inlined, jit
-from lvnav_trade.kernels.lanes import like
-from lvnav_trade.kernels.local_level import axes_of, falling, from_local, moving, position_of, to_local, turning
+from lvnav_trade.kernels.jit import inline_jit, jit
+from lvnav_trade.kernels.lanes import number_like
+from lvnav_trade.kernels.local_level import (
+    axes_rate,
+    free_fall_acceleration,
+    from_local,
+    local_axes,
+    place_position,
+    place_rate,
+    to_local,
+)
 from lvnav_trade.kernels.strapdown import (
     N_SUM,
     SUM_C,
@@ -21,7 +29,7 @@ from lvnav_trade.kernels.strapdown import (
     V,
     gravity,
     integrate,
-    mean_fictitious,
+    mean_fictitious_acceleration,
     to_earth_fixed,
     to_inertial,
     turn_sums,
@@ -29,7 +37,7 @@ from lvnav_trade.kernels.strapdown import (
 
 
 @jit
-def _local_step(further, algorithm, dt, px, py, pz, vx, vy, vz, sx, sy, sz):
+def _local_step(extensions, algorithm, dt, px, py, pz, vx, vy, vz, sx, sy, sz):
     """Integrate one step in local geographic axes by the midpoint rule.
 
     With s the velocity gained, w the rotation rate of the axes, p the place and a(p, v) the acceleration without
@@ -41,7 +49,7 @@ def _local_step(further, algorithm, dt, px, py, pz, vx, vy, vz, sx, sy, sz):
 
     Parameters
     ----------
-    further, algorithm : StrapdownExtensions, Strapdown
+    extensions, algorithm : StrapdownExtensions, Strapdown
     dt : s, of a step
     px, py, pz : place at the start, see `local_level`
     vx, vy, vz : m/s, velocity at the start, local axes
@@ -51,19 +59,19 @@ def _local_step(further, algorithm, dt, px, py, pz, vx, vy, vz, sx, sy, sz):
     -------
     place (3), velocity (3) at the end; velocity gained (3) in the axes of mid-step; rotation of the axes (3), rad
     """
-    code = further.local
+    code = extensions.local
     half = 0.5 * dt
-    x, y, z = position_of(px, py, pz)
+    x, y, z = place_position(px, py, pz)
     gx, gy, gz = gravity(algorithm.gravity, x, y, z)
-    ax, ay, az = falling(code, px, py, pz, vx, vy, vz, gx, gy, gz)
+    ax, ay, az = free_fall_acceleration(code, px, py, pz, vx, vy, vz, gx, gy, gz)
     mid_vx = vx + 0.5 * (sx + dt * ax)
     mid_vy = vy + 0.5 * (sy + dt * ay)
     mid_vz = vz + 0.5 * (sz + dt * az)
-    dx, dy, dz = moving(px, py, pz, code, vx, vy, vz)
+    dx, dy, dz = place_rate(px, py, pz, code, vx, vy, vz)
     mid_px = px + half * dx
     mid_py = py + half * dy
     mid_pz = pz + half * dz
-    wx, wy, wz = turning(code, mid_px, mid_py, mid_pz, mid_vx, mid_vy, mid_vz)
+    wx, wy, wz = axes_rate(code, mid_px, mid_py, mid_pz, mid_vx, mid_vy, mid_vz)
     half_turn_x = half * wx
     half_turn_y = half * wy
     half_turn_z = half * wz
@@ -71,16 +79,16 @@ def _local_step(further, algorithm, dt, px, py, pz, vx, vy, vz, sx, sy, sz):
     sx -= kx
     sy -= ky
     sz -= kz
-    x, y, z = position_of(mid_px, mid_py, mid_pz)
+    x, y, z = place_position(mid_px, mid_py, mid_pz)
     gx, gy, gz = gravity(algorithm.gravity, x, y, z)
-    ax, ay, az = falling(code, mid_px, mid_py, mid_pz, mid_vx, mid_vy, mid_vz, gx, gy, gz)
+    ax, ay, az = free_fall_acceleration(code, mid_px, mid_py, mid_pz, mid_vx, mid_vy, mid_vz, gx, gy, gz)
     nx = vx + sx + dt * ax
     ny = vy + sy + dt * ay
     nz = vz + sz + dt * az
     mean_vx = 0.5 * (vx + nx)
     mean_vy = 0.5 * (vy + ny)
     mean_vz = 0.5 * (vz + nz)
-    dx, dy, dz = moving(mid_px, mid_py, mid_pz, code, mean_vx, mean_vy, mean_vz)
+    dx, dy, dz = place_rate(mid_px, mid_py, mid_pz, code, mean_vx, mean_vy, mean_vz)
     px += dt * dx
     py += dt * dy
     pz += dt * dz
@@ -113,13 +121,13 @@ def _fixed_step(algorithm, dt, rx, ry, rz, vx, vy, vz, sx, sy, sz):
     y = algorithm.origin[1] + ry + half * vy
     z = algorithm.origin[2] + rz + half * vz
     gx, gy, gz = gravity(algorithm.gravity, x, y, z)
-    if algorithm.rotating:
+    if algorithm.is_rotating:
         # the axes rotate by half a step until the middle of the step
         half_turn = 0.5 * OMEGA * dt
         turned_x = sx + half_turn * sy
         turned_y = sy - half_turn * sx
         sx, sy = turned_x, turned_y
-        kx, ky = mean_fictitious(x, y, vx, vy, sx, sy, gx, gy, dt)
+        kx, ky = mean_fictitious_acceleration(x, y, vx, vy, sx, sy, gx, gy, dt)
         gx += kx
         gy += ky
     nx = vx + sx + dt * gx
@@ -129,25 +137,27 @@ def _fixed_step(algorithm, dt, rx, ry, rz, vx, vy, vz, sx, sy, sz):
     ry += half * (vy + ny)
     rz += half * (vz + nz)
     zero = 0.0 * sx
-    turn = like(sx, 2.0 * half_turn)
+    turn = number_like(sx, 2.0 * half_turn)
     return rx, ry, rz, nx, ny, nz, sx, sy, sz, zero, zero, turn
 
 
 @jit
-def _integrate_further(further, nav, sums, previous, increments, n_step, dt, algorithm):
+def _integrate_extended(extensions, nav, sums, previous, increments, n_step, dt, algorithm):
     """Integrate the steps of a window with every form of compensation, in any axes; slower than `integrate`.
 
     Parameters
     ----------
-    further : StrapdownExtensions
+    extensions : StrapdownExtensions
     nav, sums, previous, increments, n_step, dt, algorithm : as in `mechanise`; nav is in the axes of the integration
     """
     for i in range(N_SUM):
-        sums[i] = like(nav[Q], 0.0)
+        sums[i] = number_like(nav[Q], 0.0)
     half = 0.5 * dt
     for k in range(n_step):
         first = k * algorithm.subsamples
-        x, y, z, dx, dy, dz, wx, wy, wz, fx, fy, fz = compensate_step(further, previous, increments, first, algorithm)
+        x, y, z, dx, dy, dz, wx, wy, wz, fx, fy, fz = compensate_step(
+            extensions, previous, increments, first, algorithm
+        )
         sx, sy, sz = _add_attitude(nav, sums, half, dx, dy, dz)
         rx = nav[R]
         ry = nav[R + 1]
@@ -155,9 +165,9 @@ def _integrate_further(further, nav, sums, previous, increments, n_step, dt, alg
         vx = nav[V]
         vy = nav[V + 1]
         vz = nav[V + 2]
-        if further.local > 0:
+        if extensions.local > 0:
             rx, ry, rz, vx, vy, vz, sx, sy, sz, tx, ty, tz = _local_step(
-                further, algorithm, dt, rx, ry, rz, vx, vy, vz, sx, sy, sz
+                extensions, algorithm, dt, rx, ry, rz, vx, vy, vz, sx, sy, sz
             )
         else:
             rx, ry, rz, vx, vy, vz, sx, sy, sz, tx, ty, tz = _fixed_step(
@@ -187,7 +197,7 @@ def _integrate_further(further, nav, sums, previous, increments, n_step, dt, alg
     nav[Q + 3] = q3
 
 
-@inlined
+@inline_jit
 def _rotate_attitude(nav, x, y, z, tx, ty, tz):
     """Advance the attitude over a step: q+ = q(-t) q q(rotation vector).
 
@@ -243,7 +253,7 @@ def _rotate_sums(sums, code, px, py, pz):
     code : NED or ENU
     px, py, pz : place of the local axes; only its direction matters
     """
-    c = axes_of(code, px, py, pz)
+    c = local_axes(code, px, py, pz)
     for column in range(3):
         first = SUM_C + column
         second = SUM_C + 3 + column
@@ -259,41 +269,41 @@ def _rotate_sums(sums, code, px, py, pz):
 
 
 @jit
-def _is_further(further):
+def _has_extensions(extensions):
     """Return whether an algorithm has local axes or products of pairs."""
-    return further is not None
+    return extensions is not None
 
 
 @jit
-def _mechanise_further(further, nav, sums, previous, increments, n_step, dt, algorithm, seconds):
+def _mechanise_extended(extensions, nav, sums, previous, increments, n_step, dt, algorithm, seconds):
     """Advance the navigation state as `mechanise` does, in local axes or with products of all pairs of increments.
 
     Parameters
     ----------
-    further : StrapdownExtensions; nothing is done if None
+    extensions : StrapdownExtensions; nothing is done if None
     nav, sums, previous, increments, n_step, dt, algorithm, seconds : as in `mechanise`
     """
-    if further is None:
+    if extensions is None:
         return
     start = algorithm.angle + OMEGA * seconds
     end = algorithm.angle + OMEGA * (seconds + n_step * dt)
-    if algorithm.rotating:
+    if algorithm.is_rotating:
         to_earth_fixed(nav, algorithm, start)
-    if further.local > 0:
-        to_local(nav, further.local, Q, V, R)
+    if extensions.local > 0:
+        to_local(nav, extensions.local, Q, V, R)
         px = nav[R]
         py = nav[R + 1]
         pz = nav[R + 2]
-        _integrate_further(further, nav, sums, previous, increments, n_step, dt, algorithm)
+        _integrate_extended(extensions, nav, sums, previous, increments, n_step, dt, algorithm)
         # the sum of the places at start and end has the direction of the place at mid-window
         mid_px = px + nav[R]
         mid_py = py + nav[R + 1]
         mid_pz = pz + nav[R + 2]
-        _rotate_sums(sums, further.local, mid_px, mid_py, mid_pz)
-        from_local(nav, further.local, Q, V, R)
+        _rotate_sums(sums, extensions.local, mid_px, mid_py, mid_pz)
+        from_local(nav, extensions.local, Q, V, R)
     else:
-        _integrate_further(further, nav, sums, previous, increments, n_step, dt, algorithm)
-    if algorithm.rotating:
+        _integrate_extended(extensions, nav, sums, previous, increments, n_step, dt, algorithm)
+    if algorithm.is_rotating:
         to_inertial(nav, algorithm, end)
         middle = end - OMEGA * 0.5 * n_step * dt
         turn_sums(sums, middle)
@@ -319,17 +329,17 @@ def mechanise(nav, sums, previous, increments, n_step, dt, algorithm, seconds):
     algorithm : Strapdown
     seconds : s, from tick 0 to the first step
     """
-    if not algorithm.general and not algorithm.rotating:
+    if not algorithm.is_general and not algorithm.is_rotating:
         integrate(nav, sums, previous, increments, n_step, dt, algorithm, False)
         return
-    if _is_further(algorithm.further):
-        _mechanise_further(algorithm.further, nav, sums, previous, increments, n_step, dt, algorithm, seconds)
+    if _has_extensions(algorithm.extensions):
+        _mechanise_extended(algorithm.extensions, nav, sums, previous, increments, n_step, dt, algorithm, seconds)
         return
-    if algorithm.rotating:
+    if algorithm.is_rotating:
         start = algorithm.angle + OMEGA * seconds
         to_earth_fixed(nav, algorithm, start)
     integrate(nav, sums, previous, increments, n_step, dt, algorithm, True)
-    if algorithm.rotating:
+    if algorithm.is_rotating:
         end = algorithm.angle + OMEGA * (seconds + n_step * dt)
         to_inertial(nav, algorithm, end)
         middle = end - OMEGA * 0.5 * n_step * dt

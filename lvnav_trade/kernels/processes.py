@@ -6,8 +6,8 @@ window they are summed into one table per sensor, so that the cost of a tick doe
 
 import numpy as np
 
-from lvnav_trade.kernels.jit import inlined, jit
-from lvnav_trade.kernels.lanes import like
+from lvnav_trade.kernels.jit import inline_jit, jit
+from lvnav_trade.kernels.lanes import number_like
 from lvnav_trade.kernels.random import normals
 from lvnav_trade.kernels.transition import CONSTANT, OTHER_0, OTHER_2, OWN_0, OWN_2
 
@@ -114,7 +114,7 @@ def error(table, axis, own_0, own_1, own_2, other_0, other_1, other_2, square, d
     )
 
 
-@inlined
+@inline_jit
 def _errors(gyro, accel, biases_only, a0, a1, a2, f0, f1, f2, dt):
     """Return the errors (6) of a tick's increments: gyro (rad), then accelerometer (m/s), body axes.
 
@@ -171,14 +171,14 @@ def quantise(increment, remainder, step_size):
 
 
 @jit
-def corrupt(increments, at, first_tick, n_tick, dtheta, dvel, gyro, accel, noise, remainder, unit, k0, k1, run):
+def corrupt(increments, first_row, first_tick, n_tick, dtheta, dvel, gyro, accel, noise, remainder, unit, k0, k1, run):
     """Set the increments that the IMU outputs in a window: true increments, deterministic errors, noise, quantisation.
 
     Parameters
     ----------
-    increments : (n, 6) rad, m/s; those of n_tick ticks from `at` on are set
-    at, first_tick, n_tick : index of the first increment, first tick and number of ticks
-    dtheta, dvel : (n_imu, 3) rad, m/s, increments of an ideal IMU, body axes
+    increments : (n, 6) rad, m/s; those of n_tick ticks from `first_row` on are set
+    first_row, first_tick, n_tick : index of the first increment, first tick and number of ticks
+    dtheta, dvel : (n_tick, 3) rad, m/s, increments of an ideal IMU, body axes
     gyro, accel : (24,) tables of `gather`
     noise : (8,) standard deviation of white noise per tick and axis (gyro, accel), then quantisation steps (0: none)
     remainder : (6,) rad, m/s, remainder of the quantisation, updated in place
@@ -188,17 +188,17 @@ def corrupt(increments, at, first_tick, n_tick, dtheta, dvel, gyro, accel, noise
     dt = unit.dt
     for k in range(n_tick):
         tick = first_tick + k
-        row = at + k
+        row = first_row + k
         a0 = dtheta[tick, 0]
         a1 = dtheta[tick, 1]
         a2 = dtheta[tick, 2]
         f0 = dvel[tick, 0]
         f1 = dvel[tick, 1]
         f2 = dvel[tick, 2]
-        epoch = np.uint64(tick)
+        draw_index = np.uint64(tick)
         # a draw is keyed by tick, so it does not depend on how the flight is divided into windows
-        n0, n1, n2, n3 = normals(k0, k1, unit.noise_source, run, epoch, np.uint64(0))
-        n4, n5, _, _ = normals(k0, k1, unit.noise_source, run, epoch, np.uint64(1))
+        n0, n1, n2, n3 = normals(k0, k1, unit.noise_source, run, draw_index, np.uint64(0))
+        n4, n5, _, _ = normals(k0, k1, unit.noise_source, run, draw_index, np.uint64(1))
         e0, e1, e2, e3, e4, e5 = _errors(gyro, accel, unit.biases_only, a0, a1, a2, f0, f1, f2, dt)
         increments[row, 0] = a0 + e0 + noise[0] * n0
         increments[row, 1] = a1 + e1 + noise[1] * n1
@@ -209,7 +209,7 @@ def corrupt(increments, at, first_tick, n_tick, dtheta, dvel, gyro, accel, noise
     for sensor in range(2):
         step_size = noise[6 + sensor]
         if step_size > 0.0:
-            for row in range(at, at + n_tick):
+            for row in range(first_row, first_row + n_tick):
                 for axis in range(3 * sensor, 3 * sensor + 3):
                     output, new_remainder = quantise(increments[row, axis], remainder[axis], step_size)
                     increments[row, axis] = output
@@ -261,7 +261,7 @@ def zero_all(values):
     """Set every entry of a matrix of values to zero."""
     for i in range(values.shape[0]):
         for j in range(values.shape[1]):
-            values[i, j] = like(values[i, j], 0.0)
+            values[i, j] = number_like(values[i, j], 0.0)
 
 
 @jit

@@ -67,9 +67,9 @@ def log_unit(x):
     word = bits(x)
     exponent = to_float(word >> _52) - 1023.0
     mantissa = from_bits((word & _MANTISSA) | _ONE_BITS)
-    large = mantissa > 1.4142135623730951
-    mantissa = where(large, 0.5 * mantissa, mantissa)
-    exponent = where(large, exponent + 1.0, exponent)
+    is_large = mantissa > 1.4142135623730951
+    mantissa = where(is_large, 0.5 * mantissa, mantissa)
+    exponent = where(is_large, exponent + 1.0, exponent)
     # 2 atanh(s) = 2 s + s z (2/3 + 2/5 z + 2/7 z^2 + ...), z = s^2
     s = (mantissa - 1.0) / (mantissa + 1.0)
     z = s * s

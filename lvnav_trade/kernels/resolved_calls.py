@@ -12,7 +12,7 @@ from numba.core.targetconfig import ConfigStack
 from numba.core.typing import Context
 
 
-class RememberingContext(Context):  # type: ignore[misc]  # numba publishes no types
+class CachingContext(Context):  # type: ignore[misc]  # numba publishes no types
     """Numba's typing context with a cache of resolved calls.
 
     If numba learns of another implementation, the function type is a new object, so a cached result is never outdated.
@@ -24,30 +24,30 @@ class RememberingContext(Context):  # type: ignore[misc]  # numba publishes no t
         if not isinstance(function_type, types.Function) or kws:
             return super().resolve_function_type(func, args, kws)
         key = (id(function_type), tuple(args), self._options())
-        if key not in self.answers:
+        if key not in self.signatures:
             signature = super().resolve_function_type(function_type, args, kws)
             if signature is None or signature.args not in function_type._impl_keys:
                 return signature
             # the function type is stored too, so that its id stays unique
-            self.answers[key] = (function_type, signature, function_type._impl_keys[signature.args])
-        _, signature, implementation = self.answers[key]
+            self.signatures[key] = (function_type, signature, function_type._impl_keys[signature.args])
+        _, signature, implementation = self.signatures[key]
         function_type._impl_keys[signature.args] = implementation
         return signature
 
     def _options(self) -> int:
         """Return a number for the options of the present compilation, on which the resolution may depend."""
         flags = ConfigStack.top_or_none()
-        if flags is not self.asked[0]:
-            self.asked = (flags, self.numbers.setdefault(flags, len(self.numbers)))
-        return self.asked[1]
+        if flags is not self.last_options[0]:
+            self.last_options = (flags, self.option_numbers.setdefault(flags, len(self.option_numbers)))
+        return self.last_options[1]
 
-    answers: dict[Any, Any]
-    numbers: dict[Any, int]
-    asked: tuple[Any, int]
+    signatures: dict[Any, Any]
+    option_numbers: dict[Any, int]
+    last_options: tuple[Any, int]
 
 
-def remember() -> None:
+def install_call_cache() -> None:
     """Install the cache of resolved calls in numba, for this process."""
     context = cpu_target.typing_context
-    context.answers, context.numbers, context.asked = {}, {None: 0}, (None, 0)
-    context.__class__ = RememberingContext
+    context.signatures, context.option_numbers, context.last_options = {}, {None: 0}, (None, 0)
+    context.__class__ = CachingContext

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from lvnav_trade.kernels.attitude import cross, from_rotation, matrix, multiply, normalise, rotate
 from lvnav_trade.kernels.coning import increment_sums, products_within_step
 from lvnav_trade.kernels.earth import OMEGA, gravity_j2, gravity_j4, gravity_point
-from lvnav_trade.kernels.jit import inlined, jit
-from lvnav_trade.kernels.lanes import like
+from lvnav_trade.kernels.jit import inline_jit, jit
+from lvnav_trade.kernels.lanes import number_like
 
 Floats = NDArray[np.float64]
 
@@ -28,17 +28,17 @@ POINT, J2, J4 = 0, 1, 2
 
 
 @jit
-def gravity(kind, x, y, z):
+def gravity(model_code, x, y, z):
     """Return the gravitation (gx, gy, gz) in m/s^2, in the axes of the position.
 
     Parameters
     ----------
-    kind : code of the gravity model: POINT, J2 or J4
+    model_code : code of the gravity model: POINT, J2 or J4
     x, y, z : m, position relative to the Earth's centre, z along the polar axis
     """
-    if kind == POINT:
+    if model_code == POINT:
         return gravity_point(x, y, z)
-    if kind == J2:
+    if model_code == J2:
         return gravity_j2(x, y, z)
     return gravity_j4(x, y, z)
 
@@ -64,27 +64,28 @@ class Strapdown(NamedTuple):
     subsamples : Number of increments in a step.
     weights : (subsamples - 1,). Weights of all increments but the last; their weighted sum times the last increment
         compensates coning and sculling. Empty without this product.
-    across : Weight of the product of the sums of the previous step and of this step.
-    at_end : Whether nothing is compensated and the velocity increment has the attitude at the end of the step.
-    rotating : Whether integration is in Earth-fixed axes.
+    previous_step_weight : Weight of the product of the sums of the previous step and of this step.
+    has_end_attitude : Whether nothing is compensated and velocity increments are rotated by the attitude at the end of
+        the step.
+    is_rotating : Whether integration is in Earth-fixed axes.
     angle : rad. Angle from frame i to the Earth-fixed axes at tick 0.
     origin : (3,) m. Origin of the Earth-fixed axes.
-    further : Local axes and products of pairs. None without; their code is then not compiled.
-    general : Whether the algorithm differs from `full_rate`.
-    counted : Whether linear covariance includes the algorithm's error on the nominal flight.
+    extensions : Local axes and products of pairs. None without; their code is then not compiled.
+    is_general : Whether the algorithm differs from `full_rate`.
+    is_error_included : Whether linear covariance includes the algorithm's error on the nominal flight.
     """
 
     gravity: int
     subsamples: int
     weights: Floats
-    across: float
-    at_end: bool
-    rotating: bool
+    previous_step_weight: float
+    has_end_attitude: bool
+    is_rotating: bool
     angle: float
     origin: Floats
-    further: StrapdownExtensions | None
-    general: bool
-    counted: bool
+    extensions: StrapdownExtensions | None
+    is_general: bool
+    is_error_included: bool
 
 
 def full_rate(gravity: int) -> Strapdown:
@@ -92,8 +93,8 @@ def full_rate(gravity: int) -> Strapdown:
     return Strapdown(gravity, 1, np.zeros(0), 1.0 / 12.0, False, False, 0.0, np.zeros(3), None, False, False)
 
 
-@inlined
-def fictitious(x, y, vx, vy):
+@inline_jit
+def fictitious_acceleration(x, y, vx, vy):
     """Return the sum of centrifugal and Coriolis acceleration (m/s^2) along the Earth-fixed x and y axes.
 
     It is -w x (w x r) - 2 w x v. The component along the polar axis is zero.
@@ -108,9 +109,9 @@ def fictitious(x, y, vx, vy):
     return ax, ay
 
 
-@inlined
-def mean_fictitious(x, y, vx, vy, sx, sy, gx, gy, dt):
-    """Return the acceleration of `fictitious`, x and y in m/s^2, at the mean velocity of a step.
+@inline_jit
+def mean_fictitious_acceleration(x, y, vx, vy, sx, sy, gx, gy, dt):
+    """Return the acceleration of `fictitious_acceleration`, x and y in m/s^2, at the mean velocity of a step.
 
     Parameters
     ----------
@@ -120,15 +121,15 @@ def mean_fictitious(x, y, vx, vy, sx, sy, gx, gy, dt):
     gx, gy : m/s^2, gravitation
     dt : s, of the step
     """
-    kx, ky = fictitious(x, y, vx, vy)
+    kx, ky = fictitious_acceleration(x, y, vx, vy)
     gain_x = sx + dt * (gx + kx)
     gain_y = sy + dt * (gy + ky)
     mean_vx = vx + 0.5 * gain_x
     mean_vy = vy + 0.5 * gain_y
-    return fictitious(x, y, mean_vx, mean_vy)
+    return fictitious_acceleration(x, y, mean_vx, mean_vy)
 
 
-@inlined
+@inline_jit
 def rotate_polar(angle_cos, angle_sin, x, y):
     """Return x and y in axes that are rotated about the polar axis by an angle with this cosine and sine."""
     return angle_cos * x + angle_sin * y, angle_cos * y - angle_sin * x
@@ -215,8 +216,8 @@ def turn_sums(sums, angle):
     sums[SUM_V + 1] = s * x + c * y
 
 
-@inlined
-def integrate(nav, sums, previous, increments, n_step, dt, algorithm, general):
+@inline_jit
+def integrate(nav, sums, previous, increments, n_step, dt, algorithm, is_general):
     """Integrate the steps of a window in the frame of `nav`; the parameters are those of `mechanise`.
 
     In a step, w and f are the sums of angle and velocity increments, p and u those of the step before, a the weight
@@ -227,7 +228,7 @@ def integrate(nav, sums, previous, increments, n_step, dt, algorithm, general):
 
     (Savage, J. Guidance 21, 1998, parts 1 and 2). Position is integrated by the trapezoidal rule.
 
-    general : whether `algorithm` may differ from `full_rate`. Callers pass a constant, so that the compiler removes
+    is_general : whether `algorithm` may differ from `full_rate`. Callers pass a constant, so that the compiler removes
         the branches they do not need. Long because its state stays in registers over the loop.
     """
     q0 = nav[Q]
@@ -246,7 +247,7 @@ def integrate(nav, sums, previous, increments, n_step, dt, algorithm, general):
     ux = previous[3]
     uy = previous[4]
     uz = previous[5]
-    zero = like(q0, 0.0)
+    zero = number_like(q0, 0.0)
     c = matrix(q0, q1, q2, q3)
     m0 = m1 = m2 = m3 = m4 = m5 = m6 = m7 = m8 = zero
     gained_x = gained_y = gained_z = zero
@@ -254,30 +255,30 @@ def integrate(nav, sums, previous, increments, n_step, dt, algorithm, general):
     f_x = f_y = f_z = zero
     half = 0.5 * dt
     half_turn = 0.5 * OMEGA * dt
-    rotating = False
-    at_end = False
+    is_rotating = False
+    has_end_attitude = False
     n_sample = 1
-    across = 1.0 / 12.0
-    if general:
-        rotating = algorithm.rotating
-        at_end = algorithm.at_end
+    previous_step_weight = 1.0 / 12.0
+    if is_general:
+        is_rotating = algorithm.is_rotating
+        has_end_attitude = algorithm.has_end_attitude
         n_sample = algorithm.subsamples
-        across = algorithm.across
+        previous_step_weight = algorithm.previous_step_weight
     for k in range(n_step):
         first = k * n_sample
         wx, wy, wz, fx, fy, fz = increment_sums(increments, first, n_sample)
 
         # coning a p x w and sculling a (p x f + u x w) across steps
         coning_x, coning_y, coning_z = cross(px, py, pz, wx, wy, wz)
-        coning_x = across * coning_x
-        coning_y = across * coning_y
-        coning_z = across * coning_z
+        coning_x = previous_step_weight * coning_x
+        coning_y = previous_step_weight * coning_y
+        coning_z = previous_step_weight * coning_z
         ax, ay, az = cross(px, py, pz, fx, fy, fz)
         bx, by, bz = cross(ux, uy, uz, wx, wy, wz)
-        sculling_x = across * (ax + bx)
-        sculling_y = across * (ay + by)
-        sculling_z = across * (az + bz)
-        if general and algorithm.weights.shape[0] > 0:
+        sculling_x = previous_step_weight * (ax + bx)
+        sculling_y = previous_step_weight * (ay + by)
+        sculling_z = previous_step_weight * (az + bz)
+        if is_general and algorithm.weights.shape[0] > 0:
             ax, ay, az, bx, by, bz = products_within_step(increments, first, algorithm)
             coning_x += ax
             coning_y += ay
@@ -288,7 +289,7 @@ def integrate(nav, sums, previous, increments, n_step, dt, algorithm, general):
 
         # velocity gained in body axes at the start of the step, then in the axes of integration
         e0, e1, e2, e3 = from_rotation(wx + coning_x, wy + coning_y, wz + coning_z)
-        if at_end:
+        if has_end_attitude:
             dx, dy, dz = rotate(matrix(e0, e1, e2, e3), fx, fy, fz)
         else:
             rotation_x, rotation_y, rotation_z = cross(wx, wy, wz, fx, fy, fz)
@@ -298,7 +299,7 @@ def integrate(nav, sums, previous, increments, n_step, dt, algorithm, general):
         sx, sy, sz = rotate(c, dx, dy, dz)
 
         # gravitation at the middle of the step
-        if rotating:
+        if is_rotating:
             # the axes rotate by half a step until the middle of the step; the Coriolis term uses the mean velocity
             turned_x = sx + half_turn * sy
             turned_y = sy - half_turn * sx
@@ -307,7 +308,7 @@ def integrate(nav, sums, previous, increments, n_step, dt, algorithm, general):
             y = algorithm.origin[1] + ry + half * vy
             z = algorithm.origin[2] + rz + half * vz
             gx, gy, gz = gravity(algorithm.gravity, x, y, z)
-            kx, ky = mean_fictitious(x, y, vx, vy, sx, sy, gx, gy, dt)
+            kx, ky = mean_fictitious_acceleration(x, y, vx, vy, sx, sy, gx, gy, dt)
             gx += kx
             gy += ky
             q0, q1, q2, q3 = multiply(1.0 - 0.5 * half_turn * half_turn, 0.0, 0.0, -half_turn, q0, q1, q2, q3)
@@ -390,7 +391,7 @@ def integrate(nav, sums, previous, increments, n_step, dt, algorithm, general):
 
 
 @jit
-def place(nav, reference, tick):
+def set_to_truth(nav, reference, tick):
     """Set a navigation state (10,) to the true motion (Reference) at a tick."""
     for i in range(4):
         nav[Q + i] = reference.q_b_i[tick, i]

@@ -15,7 +15,7 @@ sum would need.
 
 from lvnav_trade.kernels.attitude import cross, from_rotation, matrix, multiply, normalise, rotate
 from lvnav_trade.kernels.earth import gravity_gradient
-from lvnav_trade.kernels.jit import inlined, jit
+from lvnav_trade.kernels.jit import inline_jit, jit
 from lvnav_trade.kernels.strapdown import N_SUM, SUM_C, SUM_F, SUM_TH, SUM_V, Q, R, V
 
 ATT, VEL, POS = 0, 3, 6
@@ -30,29 +30,30 @@ CONSTANT, OWN_0, OWN_1, OWN_2, OTHER_0, OTHER_1, OTHER_2, SQUARE = range(8)
 
 
 @jit
-def driver(kind, own_x, own_y, own_z, other_x, other_y, other_z):
+def driver(driver_code, own_x, own_y, own_z, other_x, other_y, other_z):
     """Return the quantity that an error parameter multiplies, for each axis of its sensor.
 
     Parameters
     ----------
-    kind : CONSTANT: 1 (bias). OWN_k: input of the sensor itself, rolled by k axes (scale factor, two misalignments).
-        OTHER_k: input of the other sensor on its axis k, on all axes (g-sensitivity). SQUARE: square of the input
+    driver_code : CONSTANT: 1 (bias). OWN_k: input of the sensor itself, rolled by k axes (scale factor, two
+        misalignments). OTHER_k: input of the other sensor on its axis k, on all axes (g-sensitivity). SQUARE: square of
+        the input
     own_x, own_y, own_z : mean input of the sensor: rad/s of a gyro, m/s^2 of an accelerometer
     other_x, other_y, other_z : mean input of the other sensor
     """
-    if kind == CONSTANT:
+    if driver_code == CONSTANT:
         unity = 0.0 * own_x + 1.0  # one number, or eight lanes
         return unity, unity, unity
-    if OWN_0 <= kind and kind <= OWN_2:
+    if OWN_0 <= driver_code and driver_code <= OWN_2:
         inputs = (own_x, own_y, own_z)
-        first = kind - OWN_0
+        first = driver_code - OWN_0
         second = (first + 1) % 3
         third = (first + 2) % 3
         return inputs[first], inputs[second], inputs[third]
-    if OTHER_0 <= kind and kind <= OTHER_2:
+    if OTHER_0 <= driver_code and driver_code <= OTHER_2:
         inputs = (other_x, other_y, other_z)
-        sensed = inputs[kind - OTHER_0]
-        return sensed, sensed, sensed
+        other_input = inputs[driver_code - OTHER_0]
+        return other_input, other_input, other_input
     square_x = own_x * own_x
     square_y = own_y * own_y
     square_z = own_z * own_z
@@ -60,13 +61,13 @@ def driver(kind, own_x, own_y, own_z, other_x, other_y, other_z):
 
 
 @jit
-def sensed_driver(sensor, kind, rate, force):
+def sensed_driver(sensor, driver_code, rate, force):
     """Return the driver (3) of a parameter of gyro or accelerometer, per axis.
 
     Parameters
     ----------
     sensor : GYRO or ACCEL
-    kind : kind of the driver, see `driver`
+    driver_code : code of the driver, see `driver`
     rate : (3,) rad/s, angular rate, body axes
     force : (3,) m/s^2, specific force, body axes
     """
@@ -77,11 +78,11 @@ def sensed_driver(sensor, kind, rate, force):
     fy = force[1]
     fz = force[2]
     if sensor == GYRO:
-        return driver(kind, wx, wy, wz, fx, fy, fz)
-    return driver(kind, fx, fy, fz, wx, wy, wz)
+        return driver(driver_code, wx, wy, wz, fx, fy, fz)
+    return driver(driver_code, fx, fy, fz, wx, wy, wz)
 
 
-@inlined
+@inline_jit
 def _skew(block, x, y, z):
     """Set a block to the cross-product matrix [x, y, z] x."""
     block[0] = 0.0 * x
@@ -95,7 +96,7 @@ def _skew(block, x, y, z):
     block[8] = 0.0 * x
 
 
-@inlined
+@inline_jit
 def _gradient(block, factor, x, y, z):
     """Set a block to a factor times the gravity gradient.
 
@@ -117,7 +118,7 @@ def _gradient(block, factor, x, y, z):
     block[8] = factor * zz
 
 
-@inlined
+@inline_jit
 def _column(block, factor, sums, ux, uy, uz):
     """Set a block to factor * (integral of C) diag(u).
 
@@ -134,7 +135,7 @@ def _column(block, factor, sums, ux, uy, uz):
         block[i + 2] = factor * sums[SUM_C + i + 2] * uz
 
 
-@inlined
+@inline_jit
 def _cross_column(block, factor, sums, ux, uy, uz):
     """Set a block to factor * [velocity gained x] (integral of C) diag(u); arguments as in `_column`."""
     vx = sums[SUM_V]
@@ -151,9 +152,9 @@ def _cross_column(block, factor, sums, ux, uy, uz):
         block[6 + column] = factor * u * z
 
 
-@inlined
-def parameter_block(block, kind, driven_by, sums, seconds):
-    """Set the block of an IMU parameter, of a kind from ATT_GYRO to VEL_ACCEL.
+@inline_jit
+def parameter_block(block, block_kind, driver_code, sums, seconds):
+    """Set the block of an IMU parameter, of a type from ATT_GYRO to VEL_ACCEL.
 
     Attitude: -(integral of C) diag(u). Velocity by an accelerometer parameter: the same. Velocity by a gyro parameter:
     the attitude error grows linearly over the window, so half of [velocity gained x] (integral of C) diag(u).
@@ -161,8 +162,8 @@ def parameter_block(block, kind, driven_by, sums, seconds):
     Parameters
     ----------
     block : (9,) by rows, set here
-    kind : ATT_GYRO, VEL_GYRO or VEL_ACCEL
-    driven_by : driver of the parameter
+    block_kind : ATT_GYRO, VEL_GYRO or VEL_ACCEL
+    driver_code : code of the parameter's driver
     sums : (18,) integrals of the strapdown over the window
     seconds : s, length of the window
     """
@@ -173,47 +174,47 @@ def parameter_block(block, kind, driven_by, sums, seconds):
     fx = sums[SUM_F] / seconds
     fy = sums[SUM_F + 1] / seconds
     fz = sums[SUM_F + 2] / seconds
-    if kind == VEL_ACCEL:
-        ux, uy, uz = driver(driven_by, fx, fy, fz, wx, wy, wz)
+    if block_kind == VEL_ACCEL:
+        ux, uy, uz = driver(driver_code, fx, fy, fz, wx, wy, wz)
         _column(block, -1.0, sums, ux, uy, uz)
     else:
-        ux, uy, uz = driver(driven_by, wx, wy, wz, fx, fy, fz)
-        if kind == ATT_GYRO:
+        ux, uy, uz = driver(driver_code, wx, wy, wz, fx, fy, fz)
+        if block_kind == ATT_GYRO:
             _column(block, -1.0, sums, ux, uy, uz)
         else:
             _cross_column(block, 0.5, sums, ux, uy, uz)
 
 
-@inlined
-def fill(blocks, kinds, drivers, sums, x, y, z, seconds):
+@inline_jit
+def fill(blocks, block_kinds, drivers, sums, x, y, z, seconds):
     """Set all blocks of Phi for a window.
 
     Parameters
     ----------
     blocks : (n_block, 9) by rows, set here
-    kinds, drivers : (n_block,) int, kind of each block, and driver of its parameter
+    block_kinds, drivers : (n_block,) int, kind of each block, and code of its parameter's driver
     sums : (18,) integrals of the strapdown over the window
     x, y, z : m, position, frame i
     seconds : s, length of the window
     """
-    for b in range(kinds.shape[0]):
-        kind = kinds[b]
+    for b in range(block_kinds.shape[0]):
+        block_kind = block_kinds[b]
         block = blocks[b]
-        if kind == VEL_ATT:
+        if block_kind == VEL_ATT:
             _skew(block, -sums[SUM_V], -sums[SUM_V + 1], -sums[SUM_V + 2])
-        elif kind == VEL_POS:
+        elif block_kind == VEL_POS:
             _gradient(block, seconds, x, y, z)
-        elif kind == VEL_VEL:
+        elif block_kind == VEL_VEL:
             _gradient(block, -seconds * seconds, x, y, z)
-        elif kind in (POS_VEL, POS_VEL_HALF):
-            share = 1.0 if kind == POS_VEL else 0.5
+        elif block_kind in (POS_VEL, POS_VEL_HALF):
+            share = 1.0 if block_kind == POS_VEL else 0.5
             zero = 0.0 * x  # one number, or eight lanes
             for i in range(9):
                 block[i] = zero
             for i in range(0, 9, 4):  # the diagonal
                 block[i] = share * seconds + zero
         else:
-            parameter_block(block, kind, drivers[b], sums, seconds)
+            parameter_block(block, block_kind, drivers[b], sums, seconds)
 
 
 # Rates at which the transition of a window is linearised. EVERY_WINDOW: the means of the window itself, nothing is
@@ -236,18 +237,18 @@ def linearise(rates, nav, code):
     """
     if code == RENEWED:
         c = matrix(nav[Q], nav[Q + 1], nav[Q + 2], nav[Q + 3])
-        renewed = rates[0]
-        last = rates[1]
+        current_rates = rates[0]
+        last_means = rates[1]
         for i in range(9):
-            renewed[SUM_C + i] = c[i]
+            current_rates[SUM_C + i] = c[i]
         for i in range(3):
-            renewed[SUM_TH + i] = last[SUM_TH + i]
-            renewed[SUM_F + i] = last[SUM_F + i]
+            current_rates[SUM_TH + i] = last_means[SUM_TH + i]
+            current_rates[SUM_F + i] = last_means[SUM_F + i]
         # acceleration in frame i: C f
-        ax, ay, az = rotate(c, renewed[SUM_F], renewed[SUM_F + 1], renewed[SUM_F + 2])
-        renewed[SUM_V] = ax
-        renewed[SUM_V + 1] = ay
-        renewed[SUM_V + 2] = az
+        ax, ay, az = rotate(c, current_rates[SUM_F], current_rates[SUM_F + 1], current_rates[SUM_F + 2])
+        current_rates[SUM_V] = ax
+        current_rates[SUM_V + 1] = ay
+        current_rates[SUM_V + 2] = az
 
 
 @jit

@@ -61,11 +61,11 @@ def as_vector(context, builder, operand_type, value, lane):
     """
     if operand_type == lane:
         return value
-    undefined = ir.Constant(context.get_value_type(lane), ir.Undefined)
+    undefined_vector = ir.Constant(context.get_value_type(lane), ir.Undefined)
     number = context.cast(builder, value, operand_type, lane.scalar)
-    first = builder.insert_element(undefined, number, ir.Constant(ir.IntType(32), 0))
+    first = builder.insert_element(undefined_vector, number, ir.Constant(ir.IntType(32), 0))
     all_first = ir.Constant(ir.VectorType(ir.IntType(32), WIDTH), [0] * WIDTH)
-    return builder.shuffle_vector(first, undefined, all_first)
+    return builder.shuffle_vector(first, undefined_vector, all_first)
 
 
 def _define(symbol, lane, result, emit):
@@ -79,7 +79,7 @@ def _define(symbol, lane, result, emit):
     """
 
     @type_callable(symbol)
-    def typed(context):
+    def operator_type(context):
         def result_type(a, b):
             is_defined = lane in (a, b)
             for operand in (a, b):
@@ -103,7 +103,7 @@ def _define_unary(symbol, emit):
     """Implement a Python function of one float64 for a lane."""
 
     @type_callable(symbol)
-    def typed(context):
+    def operator_type(context):
         return lambda a: f64x8 if a == f64x8 else None
 
     lower_builtin(symbol, f64x8)(lambda context, builder, sig, args: emit(builder, args[0]))

@@ -11,8 +11,8 @@ restores the lower triangle. States are attitude at 0, velocity at 3, position a
 rate at `motion` and specific force at `motion` + 3.
 """
 
-from lvnav_trade.kernels.jit import inlined, jit
-from lvnav_trade.kernels.lanes import like
+from lvnav_trade.kernels.jit import inline_jit, jit
+from lvnav_trade.kernels.lanes import number_like
 from lvnav_trade.kernels.strapdown import SUM_V
 from lvnav_trade.kernels.transition import sensed_driver
 from lvnav_trade.kernels.vehicle_tick import add_changes, velocity_error
@@ -32,7 +32,7 @@ def fill_samples(h, blocks, rate, force):
     rate, force : (3,) rad/s and m/s^2, body axes
     """
     for r in range(N_SAMPLE):
-        h[r, 0] = like(rate[0], 1.0)
+        h[r, 0] = number_like(rate[0], 1.0)
     for sensor in range(2):
         for k in range(blocks.shape[1]):
             block_number = blocks[sensor, k, 0]
@@ -40,10 +40,10 @@ def fill_samples(h, blocks, rate, force):
             u = sensed_driver(sensor, block_driver, rate, force)
             for axis in range(3):
                 row = 3 * sensor + axis
-                h[row, 1 + k] = u[axis] if block_number >= 0 else like(rate[0], 0.0)
+                h[row, 1 + k] = u[axis] if block_number >= 0 else number_like(rate[0], 0.0)
 
 
-@inlined
+@inline_jit
 def _upper(P, i, j):
     """Return the entry (i, j) of a symmetric matrix stored as its upper triangle."""
     row = min(i, j)
@@ -90,14 +90,14 @@ def update_samples(P, x, K, weight, residual, z, variance, h, columns, n_estimat
         # The gain of considered states is zero, so estimated states get the whole of K_q' h_r', and considered states
         # only its part over estimated states.
         for q in range(r):
-            estimated, total = _projections(K, h, columns, r, q, n_estimated)
-            estimated_factor = total * weight[q]
+            estimated_projection, total_projection = _projections(K, h, columns, r, q, n_estimated)
+            estimated_factor = total_projection * weight[q]
             for i in range(n_estimated):
                 K[r, i] -= estimated_factor * K[q, i]
-            considered_factor = estimated * weight[q]
+            considered_factor = estimated_projection * weight[q]
             for i in range(n_estimated, n):
                 K[r, i] -= considered_factor * K[q, i]
-        innovation_variance = like(x[0], variance[r])
+        innovation_variance = number_like(x[0], variance[r])
         innovation = z[r]
         for k in range(n_entry):
             state = columns[r, k]
@@ -112,7 +112,7 @@ def update_samples(P, x, K, weight, residual, z, variance, h, columns, n_estimat
     _subtract_updates(P, K, weight, n_estimated, n)
 
 
-@inlined
+@inline_jit
 def _subtract_updates(P, K, weight, n_estimated, n):
     """P <- P - sum over r of K_r weight_r K_r', in one pass.
 
@@ -136,7 +136,7 @@ def _subtract_updates(P, K, weight, n_estimated, n):
             P[i, j] -= reduction
 
 
-@inlined
+@inline_jit
 def _projections(K, h, columns, r, q, n_estimated):
     """Return the projection h_r K_q over the estimated states, and over all states.
 
@@ -147,26 +147,26 @@ def _projections(K, h, columns, r, q, n_estimated):
     r, q : numbers of the later and of the earlier measurement
     n_estimated : number of estimated states
     """
-    estimated = like(K[q, 0], 0.0)
-    considered = like(K[q, 0], 0.0)
+    estimated_projection = number_like(K[q, 0], 0.0)
+    considered_projection = number_like(K[q, 0], 0.0)
     for k in range(columns.shape[1]):
         state = columns[r, k]
         if state < n_estimated:
-            estimated += h[r, k] * K[q, state]
+            estimated_projection += h[r, k] * K[q, state]
         elif n_estimated < K.shape[1]:
-            considered += h[r, k] * K[q, state]
-    total = estimated + considered
-    return estimated, total
+            considered_projection += h[r, k] * K[q, state]
+    total = estimated_projection + considered_projection
+    return estimated_projection, total
 
 
 @jit
-def advance(P, moved, sums, dt, motion):
+def advance(P, changes, sums, dt, motion):
     """Propagate the covariance over a tick, without process noise: P <- Phi P Phi'.
 
     Parameters
     ----------
     P : (n, n) upper triangle, updated in place
-    moved : (9, n) scratch
+    changes : (9, n) scratch
     sums : (18,) integrals of the strapdown over the tick: C_b_i (9), velocity gained (3)
     dt : s, of the tick
     motion : first motion state
@@ -186,13 +186,13 @@ def advance(P, moved, sums, dt, motion):
         f0 = _upper(P, f, j)
         f1 = _upper(P, f + 1, j)
         f2 = _upper(P, f + 2, j)
-        gained = velocity_error(sums, a0, a1, a2, f0, f1, f2)
+        velocity_change = velocity_error(sums, a0, a1, a2, f0, f1, f2)
         for i in range(3):
             velocity = _upper(P, 3 + i, j)
-            moved[i, j] = sums[3 * i] * w0 + sums[3 * i + 1] * w1 + sums[3 * i + 2] * w2
-            moved[3 + i, j] = gained[i]
-            moved[6 + i, j] = dt * velocity + half * gained[i]
-    add_changes(P, moved, sums, dt, motion, n)
+            changes[i, j] = sums[3 * i] * w0 + sums[3 * i + 1] * w1 + sums[3 * i + 2] * w2
+            changes[3 + i, j] = velocity_change[i]
+            changes[6 + i, j] = dt * velocity + half * velocity_change[i]
+    add_changes(P, changes, sums, dt, motion, n)
 
 
 @jit
@@ -212,12 +212,12 @@ def advance_vector(y, sums, dt, motion):
     w0 = y[w]
     w1 = y[w + 1]
     w2 = y[w + 2]
-    gained = velocity_error(sums, y[0], y[1], y[2], y[f], y[f + 1], y[f + 2])
+    velocity_change = velocity_error(sums, y[0], y[1], y[2], y[f], y[f + 1], y[f + 2])
     for i in range(3):
         position_change = dt * y[3 + i]
         y[i] = y[i] + sums[3 * i] * w0 + sums[3 * i + 1] * w1 + sums[3 * i + 2] * w2
-        y[6 + i] = y[6 + i] + position_change + half * gained[i]
-        y[3 + i] += gained[i]
+        y[6 + i] = y[6 + i] + position_change + half * velocity_change[i]
+        y[3 + i] += velocity_change[i]
 
 
 @jit
@@ -296,7 +296,7 @@ def update_together(P, Y, S, G, h, columns, noise):
     _subtract_products(P, Y, G, n)
 
 
-@inlined
+@inline_jit
 def _subtract_products(P, Y, G, n):
     """P <- P - G Y' - Y G', in one pass; parameters as in `update_together`, with n states."""
     for i in range(n):
@@ -332,7 +332,7 @@ def update_vector_together(y, projections, gain, h, columns):
     h, columns : (6, n_entry) Jacobian entries and their states
     """
     for r in range(N_SAMPLE):
-        projection = like(y[0], 0.0)
+        projection = number_like(y[0], 0.0)
         for k in range(columns.shape[1]):
             state = columns[r, k]
             projection += h[r, k] * y[state]

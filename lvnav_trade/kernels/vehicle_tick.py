@@ -1,12 +1,12 @@
 """Changes over a tick in the filter with angular rate and specific force as states: velocity error, covariance."""
 
-from lvnav_trade.kernels.jit import inlined
+from lvnav_trade.kernels.jit import inline_jit
 from lvnav_trade.kernels.strapdown import SUM_V
 
 N_NAV = 9
 
 
-@inlined
+@inline_jit
 def velocity_error(sums, a0, a1, a2, f0, f1, f2):
     """Return the velocity error (3) m/s, frame i, that errors of attitude and mean specific force cause over a tick.
 
@@ -32,14 +32,14 @@ def velocity_error(sums, a0, a1, a2, f0, f1, f2):
     return error_x, error_y, error_z
 
 
-@inlined
-def add_changes(P, moved, sums, dt, motion, n):
-    """P <- P + M + M' + M (Phi - I)' with the first nine rows `moved` of M = (Phi - I) P.
+@inline_jit
+def add_changes(P, changes, sums, dt, motion, n):
+    """P <- P + M + M' + M (Phi - I)' with the first nine rows `changes` of M = (Phi - I) P.
 
     Parameters
     ----------
     P : (n, n) upper triangle, updated in place
-    moved : (9, n) first rows of M
+    changes : (9, n) first rows of M
     sums, dt, motion : as in `advance`
     n : number of states
     """
@@ -48,26 +48,26 @@ def add_changes(P, moved, sums, dt, motion, n):
     half = 0.5 * dt
     for i in range(N_NAV):
         for j in range(N_NAV, n):
-            P[i, j] += moved[i, j]
+            P[i, j] += changes[i, j]
         for j in range(i, N_NAV):
-            P[i, j] = P[i, j] + moved[i, j] + moved[j, i]
+            P[i, j] = P[i, j] + changes[i, j] + changes[j, i]
         # row i of M (Phi - I)'
-        a0 = moved[i, 0]
-        a1 = moved[i, 1]
-        a2 = moved[i, 2]
-        w0 = moved[i, w]
-        w1 = moved[i, w + 1]
-        w2 = moved[i, w + 2]
-        f0 = moved[i, f]
-        f1 = moved[i, f + 1]
-        f2 = moved[i, f + 2]
-        gained = velocity_error(sums, a0, a1, a2, f0, f1, f2)
+        a0 = changes[i, 0]
+        a1 = changes[i, 1]
+        a2 = changes[i, 2]
+        w0 = changes[i, w]
+        w1 = changes[i, w + 1]
+        w2 = changes[i, w + 2]
+        f0 = changes[i, f]
+        f1 = changes[i, f + 1]
+        f2 = changes[i, f + 2]
+        velocity_change = velocity_error(sums, a0, a1, a2, f0, f1, f2)
         for k in range(3):
             velocity = 3 + k
             position = 6 + k
             if i <= k:
                 P[i, k] = P[i, k] + sums[3 * k] * w0 + sums[3 * k + 1] * w1 + sums[3 * k + 2] * w2
             if i <= velocity:
-                P[i, velocity] += gained[k]
+                P[i, velocity] += velocity_change[k]
             if i <= position:
-                P[i, position] = P[i, position] + dt * moved[i, velocity] + half * gained[k]
+                P[i, position] = P[i, position] + dt * changes[i, velocity] + half * velocity_change[k]

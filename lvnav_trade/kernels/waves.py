@@ -4,12 +4,12 @@ import math
 
 import numpy as np
 
-from lvnav_trade.kernels.jit import making_arrays
+from lvnav_trade.kernels.jit import array_jit
 
 N_WAVE = 15  # rotation vector, its rate, displacement, its rate, its acceleration, three each
 
 
-@making_arrays
+@array_jit
 def sum_of_waves(t, omega, turn, shift):
     """Return the sum over spectral lines of the real part of amplitude times exp(i omega t), and its derivatives.
 

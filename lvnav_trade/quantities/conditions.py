@@ -53,7 +53,7 @@ def _seconds(duration: str, text: str) -> float:
         raise InputError(f"{text!r} is not a time: {error}") from None
 
 
-def _instant(text: str) -> str:
+def _check_instant(text: str) -> str:
     """Return the text after a check of its duration; ValueError if that is no time. Events are checked later."""
     match = _TIMED.match(text)
     duration = text if match is None else match["offset"]
@@ -64,7 +64,7 @@ def _instant(text: str) -> str:
     return text
 
 
-Instant = Annotated[str, AfterValidator(_instant)]
+Instant = Annotated[str, AfterValidator(_check_instant)]
 """Text for `resolve`. The unit is checked when the card is read, the event when the flight is known."""
 
 
@@ -96,16 +96,16 @@ class Conditions(Card):
     dynamic_pressure_below: Pressure | None = Field(None, description="active below this dynamic pressure")
 
     @property
-    def stated(self) -> tuple[str, ...]:
+    def condition_keys(self) -> tuple[str, ...]:
         """Keys of the conditions that the card gives, as the user writes them."""
         names = ("from_", "until", *BOUNDS, *ELEVATIONS)
         return tuple(name.rstrip("_") for name in names if getattr(self, name, None) is not None)
 
     def _faults(self) -> Iterable[str]:
         for low, high in PAIRS:
-            least = getattr(self, low, None)
-            most = getattr(self, high, None)
-            if least is not None and most is not None and least >= most:
+            lower = getattr(self, low, None)
+            upper = getattr(self, high, None)
+            if lower is not None and upper is not None and lower >= upper:
                 yield f"{low}: should be less than {high}, or it never holds"
 
 
@@ -126,11 +126,11 @@ class SightConditions(Conditions):
                 yield f"{name}: an elevation is between -90 deg and 90 deg"
 
     @property
-    def by_elevation(self) -> tuple[str, ...]:
+    def elevation_keys(self) -> tuple[str, ...]:
         """Keys of the conditions on elevation that the card gives."""
         return tuple(name for name in ELEVATIONS if getattr(self, name) is not None)
 
-    def sights(self, elevation: Floats) -> Mask:
+    def meets_elevation(self, elevation: Floats) -> Mask:
         """Return which elevations (...,) rad meet the conditions on elevation, (...,) bool."""
         low = -np.inf if self.elevation_above is None else self.elevation_above
         high = np.inf if self.elevation_below is None else self.elevation_below
@@ -158,14 +158,14 @@ class FlightProfile:
     ----------
     instants : mapping
         Times (s since lift-off) of the events by name, with ``start`` and ``end``.
-    at : callable, optional
+    evaluate : callable, optional
         Function of times (n,) s that returns altitude (m), speed relative to the Earth (m/s) and dynamic pressure (Pa)
         as (3, n). Required by conditions on these quantities.
     """
 
-    def __init__(self, instants: Mapping[str, float], at: Callable[[Floats], Floats] | None = None) -> None:
+    def __init__(self, instants: Mapping[str, float], evaluate: Callable[[Floats], Floats] | None = None) -> None:
         self.instants = instants
-        self._at = at
+        self._evaluate = evaluate
 
     def begin(self, start: float) -> float:
         """Return the start (s) of an interval; for an interval without a start that of the flight."""
@@ -183,15 +183,15 @@ class FlightProfile:
     @cached_property
     def values(self) -> Floats:
         """Altitude (m), speed (m/s) and dynamic pressure (Pa) at the sampling times, (3, n)."""
-        return self.sampled(self.times)
+        return self.values_at(self.times)
 
-    def sampled(self, t: Floats) -> Floats:
+    def values_at(self, t: Floats) -> Floats:
         """Return altitude (m), speed (m/s) and dynamic pressure (Pa) at times t (n,) s, (3, n)."""
-        if self._at is None:
+        if self._evaluate is None:
             raise ValueError("conditions on altitude, speed or dynamic pressure need a flight")
-        return self._at(t)
+        return self._evaluate(t)
 
-    def beyond(self, name: str, level: float) -> Intervals:
+    def bound_intervals(self, name: str, level: float) -> Intervals:
         """Return the intervals in which the flight meets a bound.
 
         Crossings are found by bisection between samples. An interval that lasts to the start or end of the flight is
@@ -211,7 +211,7 @@ class FlightProfile:
         high = self.times[steps + 1]
         for _ in range(_HALVINGS if steps.size else 0):
             middle = 0.5 * (low + high)
-            value = self.sampled(middle)[row]
+            value = self.values_at(middle)[row]
             is_met_there = (value >= level) == is_above
             is_before = is_met_there == is_met[steps]
             low = np.where(is_before, middle, low)
@@ -221,7 +221,7 @@ class FlightProfile:
         first = 0 if is_met[0] else 1
         return intervals[first::2]
 
-    def holding(self, conditions: Conditions) -> Intervals:
+    def active_intervals(self, conditions: Conditions) -> Intervals:
         """Return the intervals in which all conditions are true, except those on elevation.
 
         Raises
@@ -233,21 +233,21 @@ class FlightProfile:
         for name in BOUNDS:
             level = getattr(conditions, name)
             if level is not None:
-                intervals = both(intervals, self.beyond(name, level))
+                intervals = intersection(intervals, self.bound_intervals(name, level))
         return intervals
 
     def window(self, conditions: Conditions) -> tuple[float, float]:
-        """Return the interval (s) that the conditions on time define; InputError as in `holding`."""
+        """Return the interval (s) that the conditions on time define; InputError as in `active_intervals`."""
         start = self._time(conditions, "from", -np.inf)
         end = self._time(conditions, "until", np.inf)
         return start, end
 
-    def _time(self, conditions: Conditions, field: str, otherwise: float) -> float:
+    def _time(self, conditions: Conditions, field: str, default: float) -> float:
         text = conditions.from_ if field == "from" else conditions.until
-        return otherwise if text is None else self.time(text, field)
+        return default if text is None else self.time(text, field)
 
     def time(self, text: str, field: str) -> float:
-        """Return the time (s) of a text such as "stage1_cutoff + 20 s"; InputError as in `holding`."""
+        """Return the time (s) of a text such as "stage1_cutoff + 20 s"; InputError as in `active_intervals`."""
         try:
             return float(resolve(text, self.instants))
         except InputError as error:
@@ -255,7 +255,7 @@ class FlightProfile:
             raise InputError(records=[Mistake(message, field)]) from None
 
 
-def both(first: Intervals, second: Intervals) -> Intervals:
+def intersection(first: Intervals, second: Intervals) -> Intervals:
     """Return the intersection of two lists of intervals."""
     overlaps = []
     for first_start, first_end in first:
@@ -267,37 +267,37 @@ def both(first: Intervals, second: Intervals) -> Intervals:
     return tuple(sorted(overlaps))
 
 
-def inside(intervals: Intervals, t: Floats) -> Mask:
+def is_inside(intervals: Intervals, t: Floats) -> Mask:
     """Return which times t (n,) s lie in one of the intervals, (n,) bool, with a tolerance of `ROUNDING`."""
-    within = np.zeros(t.shape, dtype=bool)
+    mask = np.zeros(t.shape, dtype=bool)
     for start, end in intervals:
-        within |= (t >= start - ROUNDING) & (t < end - ROUNDING)
-    return within
+        mask |= (t >= start - ROUNDING) & (t < end - ROUNDING)
+    return mask
 
 
-def never(conditions: Conditions, course: FlightProfile) -> Mistake | None:
+def never_active_mistake(conditions: Conditions, flight_profile: FlightProfile) -> Mistake | None:
     """Return the input error of conditions that are true at no time of a flight; None if there is such a time.
 
     The path of the error is the field to change. Conditions on elevation are not examined. InputError as in
-    `FlightProfile.holding`.
+    `FlightProfile.active_intervals`.
     """
-    first = course.instants["start"]
-    last = course.instants["end"]
+    first = flight_profile.instants["start"]
+    last = flight_profile.instants["end"]
     flight: Intervals = ((first, last),)
-    window = course.window(conditions)
-    if not both((window,), flight):
+    window = flight_profile.window(conditions)
+    if not intersection((window,), flight):
         field = "until" if conditions.from_ is None else "from"
         return Mistake(f"holds at no time of the flight ({first:g} s to {last:g} s)", field)
     bounds = [name for name in BOUNDS if getattr(conditions, name) is not None]
     for name in bounds:
         level = getattr(conditions, name)
-        if not both(course.beyond(name, level), flight):
+        if not intersection(flight_profile.bound_intervals(name, level), flight):
             row, _ = BOUNDS[name]
             quantity, factor, unit = _SHOWN[row]
-            values = course.values[row]
+            values = flight_profile.values[row]
             low = factor * np.min(values)
             high = factor * np.max(values)
             return Mistake(f"holds at no time of the flight, whose {quantity} is {low:.4g} to {high:.4g} {unit}", name)
-    if bounds and not both(course.holding(conditions), flight):
+    if bounds and not intersection(flight_profile.active_intervals(conditions), flight):
         return Mistake("holds at no time of the flight together with the other conditions", bounds[0])
     return None

@@ -15,7 +15,7 @@ from lvnav_trade.quantities.errors import InputError, quoted
 from lvnav_trade.quantities.input_files import decimal_or_endless, open_regular, read_text
 from lvnav_trade.quantities.input_limits import DATA_BYTES, DATA_ROWS, FIELD_LENGTH
 from lvnav_trade.quantities.records import Floats
-from lvnav_trade.quantities.times import coarse, restored
+from lvnav_trade.quantities.times import coarse_message, restore_time_stamps
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -29,8 +29,8 @@ def read_columns(
     path: str,
     names: list[str],
     delimiter: str,
-    fewest: int = FEWEST,
-    what: str = "a trajectory",
+    minimum_rows: int = FEWEST,
+    data_name: str = "a trajectory",
     blanks: tuple[str, ...] = (),
 ) -> tuple[Floats, list[str]]:
     """Return columns of numbers of a CSV or Parquet file, (n, n_name), and the place of each row for messages.
@@ -46,9 +46,9 @@ def read_columns(
         Names of the columns.
     delimiter : str
         Separator of a text file.
-    fewest : int
+    minimum_rows : int
         Smallest number of rows.
-    what : str
+    data_name : str
         Kind of data with that smallest number, for messages.
     blanks : tuple of str
         Columns in which a missing number is NaN.
@@ -62,11 +62,11 @@ def read_columns(
         table, places = _parquet_numbers(path, names)
     else:
         table, places = _text_numbers(path, names, delimiter, blanks)
-    if len(table) < fewest:
-        raise InputError(f"{path}: {len(table)} rows of data, {what} needs {fewest} or more")
+    if len(table) < minimum_rows:
+        raise InputError(f"{path}: {len(table)} rows of data, {data_name} needs {minimum_rows} or more")
     is_blank = np.isnan(table) & np.isin(names, blanks)
-    wrong = ~np.isfinite(table) & ~is_blank
-    for row, column in np.argwhere(wrong)[:1]:
+    is_wrong = ~np.isfinite(table) & ~is_blank
+    for row, column in np.argwhere(is_wrong)[:1]:
         name = names[column]
         number = table[row, column]
         raise InputError(f"{path}:{places[row]}: {name} is {number}, not a finite number")
@@ -117,9 +117,9 @@ def column_names(path: str, delimiter: str = ",") -> list[str]:
         return list(file.schema_arrow.names)
 
 
-def refuse_first(wrong: NDArray[np.bool_], path: str, places: list[str], fault: Callable[[int], str]) -> None:
+def refuse_first(is_wrong: NDArray[np.bool_], path: str, places: list[str], fault: Callable[[int], str]) -> None:
     """Raise InputError for the first row that is wrong (n,); `fault` returns its message."""
-    for k in np.flatnonzero(wrong)[:1]:
+    for k in np.flatnonzero(is_wrong)[:1]:
         message = fault(int(k))
         raise InputError(f"{path}:{places[k]}: {message}")
 
@@ -127,26 +127,28 @@ def refuse_first(wrong: NDArray[np.bool_], path: str, places: list[str], fault: 
 def refuse_unordered(t: Floats, path: str, places: list[str]) -> Floats:
     """Return the intervals (n - 1,) between times t (n,) in s; InputError if times repeat or decrease."""
     interval = np.diff(t)
-    wrong = np.flatnonzero(interval <= 0.0)
-    if wrong.size:
-        k = wrong[0]
-        earlier = t[k]
-        later = t[k + 1]
+    wrong_intervals = np.flatnonzero(interval <= 0.0)
+    if wrong_intervals.size:
+        k = wrong_intervals[0]
+        previous_time = t[k]
+        next_time = t[k + 1]
         fault = "repeats" if interval[k] == 0.0 else "goes back from"
-        raise InputError(f"{path}:{places[k + 1]}: time {later:.9g} s {fault} {earlier:.9g} s of the row before")
+        raise InputError(
+            f"{path}:{places[k + 1]}: time {next_time:.9g} s {fault} {previous_time:.9g} s of the row before"
+        )
     return interval
 
 
 def time_stamps(column: Floats, unit: str, path: str, places: list[str]) -> Floats:
     """Return a column of time (n,), restored to its grid if of single precision; InputError if such times repeat."""
-    stamps = restored(column, unit)
+    stamps = restore_time_stamps(column, unit)
     interval = np.diff(column, prepend=-math.inf)
-    repeated = (interval == 0.0) & (stamps.apart > 0.0)
+    is_repeated = (interval == 0.0) & (stamps.spacing > 0.0)
 
     def fault(row: int) -> str:
-        return f"time {column[row]:.9g} {unit} repeats: {coarse(stamps.apart, unit)}"
+        return f"time {column[row]:.9g} {unit} repeats: {coarse_message(stamps.spacing, unit)}"
 
-    refuse_first(repeated, path, places, fault)
+    refuse_first(is_repeated, path, places, fault)
     return stamps.column
 
 
@@ -289,8 +291,8 @@ def _head(path: str, delimiter: str, empty: bool = False) -> _Head:
     raise InputError(f"{path}:{number}: has numbers where the names of the columns should be: add a line of names")
 
 
-def _titles(line: str, delimiter: str, where: str) -> list[str]:
-    return [title.strip() for title in _fields(line, delimiter, where)]
+def _titles(line: str, delimiter: str, place: str) -> list[str]:
+    return [title.strip() for title in _fields(line, delimiter, place)]
 
 
 def _is_number(text: str) -> bool:
@@ -310,50 +312,50 @@ def _text_numbers(path: str, names: list[str], delimiter: str, blanks: tuple[str
     rows: list[list[float]] = []
     places: list[str] = []
     for number, line in head.lines:
-        where = f"{path}:{number}"
-        fields = _fields(line, delimiter, where)
+        place = f"{path}:{number}"
+        fields = _fields(line, delimiter, place)
         if len(fields) != len(titles):
-            raise InputError(f"{where}: {len(fields)} fields, the header has {len(titles)}")
+            raise InputError(f"{place}: {len(fields)} fields, the header has {len(titles)}")
         row = []
         for k in columns:
             field = fields[k]
             is_blank = k in may_be_empty and not field.strip()
-            row.append(math.nan if is_blank else _number(field, titles[k], where))
+            row.append(math.nan if is_blank else _number(field, titles[k], place))
         rows.append(row)
         if len(rows) > DATA_ROWS:
-            raise InputError(f"{where}: more than {DATA_ROWS} rows")
+            raise InputError(f"{place}: more than {DATA_ROWS} rows")
         places.append(str(number))
     numbers = np.array(rows, dtype=float).reshape(len(rows), len(names))
     return numbers, places
 
 
-def _fields(line: str, delimiter: str, where: str) -> list[str]:
+def _fields(line: str, delimiter: str, place: str) -> list[str]:
     """Return the fields of a line; InputError if a field is longer than any number or name."""
     longest = 0
     if len(line) > FIELD_LENGTH:
         longest = max(map(len, line.split(delimiter)))
     if longest > FIELD_LENGTH:
-        raise InputError(f"{where}: a field of {longest} characters; at most {FIELD_LENGTH} are read")
+        raise InputError(f"{place}: a field of {longest} characters; at most {FIELD_LENGTH} are read")
     try:
         return next(csv.reader([line], delimiter=delimiter))
     except csv.Error as error:
-        raise InputError(f"{where}: {error}") from None
+        raise InputError(f"{place}: {error}") from None
 
 
-def _refuse_missing(where: str, names: list[str], titles: list[str]) -> None:
+def _refuse_missing(place: str, names: list[str], titles: list[str]) -> None:
     for name in names:
         if name not in titles:
             near = difflib.get_close_matches(name, titles, n=1, cutoff=0.5)
-            listed = ", ".join(titles[:20])
-            hint = f"did you mean {near[0]!r}?" if near else f"it has {listed}"
-            raise InputError(f"{where}: no column {quoted(name)} ({hint})")
+            title_list = ", ".join(titles[:20])
+            hint = f"did you mean {near[0]!r}?" if near else f"it has {title_list}"
+            raise InputError(f"{place}: no column {quoted(name)} ({hint})")
         count = titles.count(name)
         if count > 1:
-            raise InputError(f"{where}: {count} columns have the name {name!r}; rename all but one")
+            raise InputError(f"{place}: {count} columns have the name {name!r}; rename all but one")
 
 
-def _number(field: str, title: str, where: str) -> float:
+def _number(field: str, title: str, place: str) -> float:
     try:
         return decimal_or_endless(field)
     except ValueError:
-        raise InputError(f"{where}: {title} is {quoted(field.strip())}, not a number") from None
+        raise InputError(f"{place}: {title} is {quoted(field.strip())}, not a number") from None

@@ -106,11 +106,11 @@ def fields_of(label: str) -> tuple[Field, ...]:
 
     The fields of an IMU of an array, such as `unit 2 gyro random walk`, are those of its card.
     """
-    numbered = re.fullmatch(r"unit (\d+) (.+)", label)
-    if numbered:
-        index = int(numbered[1]) - 1
+    unit_match = re.fullmatch(r"unit (\d+) (.+)", label)
+    if unit_match:
+        index = int(unit_match[1]) - 1
         place = ("imu", "units", str(index))
-        card_fields = fields_of(numbered[2])
+        card_fields = fields_of(unit_match[2])
         return tuple(((*place, *path[1:]), power) for path, power in card_fields)
     for source in SOURCES.values():
         if source.label == label:

@@ -17,7 +17,7 @@ HIDDEN = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2
 _USER, _QUERY = re.compile(r"(?<=://)[^\s'\"]*@"), re.compile(r"(://[^\s'\"?#]*)[?#][^\s'\"]*")
 
 
-def visible(text: str) -> str:
+def visible_text(text: str) -> str:
     """Return the text with hidden characters written as their escape sequences; line breaks and tabs stay."""
     return HIDDEN.sub(lambda match: match[0].encode("unicode_escape").decode(), text)
 
@@ -44,25 +44,25 @@ def credentials(address: str) -> list[str]:
     return sorted((secret for secret in secrets if len(secret) > 3), key=len, reverse=True)
 
 
-def printable(text: str) -> str:
+def printable_text(text: str) -> str:
     """Return the text on one line, with control characters written as their escape sequences."""
     return "".join(char if char.isprintable() else char.encode("unicode_escape").decode() for char in text)
 
 
-def shortened(text: str, most: int) -> str:
-    """Return the text with its middle replaced by dots if it is longer than `most` characters."""
-    return text if len(text) <= most else f"{text[: most - 20]} ... {text[-15:]}"
+def shorten(text: str, max_length: int) -> str:
+    """Return the text with its middle replaced by dots if it is longer than `max_length` characters."""
+    return text if len(text) <= max_length else f"{text[: max_length - 20]} ... {text[-15:]}"
 
 
 def quoted(value: object) -> str:
     """Return an input value as messages quote it, in a bounded number of characters."""
     if isinstance(value, str):
-        return repr(shortened(value, QUOTED_LENGTH))
+        return repr(shorten(value, QUOTED_LENGTH))
     if isinstance(value, dict | list | tuple):
         return "a mapping" if isinstance(value, dict) else "a list"
     if isinstance(value, int) and abs(value) >= 10**QUOTED_LENGTH:
         return "a number of too many digits"
-    return shortened(repr(value), QUOTED_LENGTH)
+    return shorten(repr(value), QUOTED_LENGTH)
 
 
 class Mistake(NamedTuple):
@@ -80,20 +80,20 @@ class Mistake(NamedTuple):
     line: int = 0
     column: int = 0
 
-    def cleaned(self) -> Mistake:
+    def clean(self) -> Mistake:
         """Return the error as it may be printed: bounded lines without control characters and passwords."""
-        texts = [printable(without_credentials(text)) for text in (self.message, self.path, self.file)]
+        texts = [printable_text(without_credentials(text)) for text in (self.message, self.path, self.file)]
         message, path, file = texts
         return self._replace(
-            message=shortened(message, MESSAGE_LENGTH),
-            path=shortened(path, MESSAGE_LENGTH),
+            message=shorten(message, MESSAGE_LENGTH),
+            path=shorten(path, MESSAGE_LENGTH),
             file=file,
         )
 
     def __str__(self) -> str:
-        where = f"{self.file}:{self.line}:{self.column}" if self.line else self.file
-        parts = (where, self.path, self.message)
-        return ": ".join(text for text in parts if text)
+        place = f"{self.file}:{self.line}:{self.column}" if self.line else self.file
+        texts = (place, self.path, self.message)
+        return ": ".join(text for text in texts if text)
 
 
 def is_full_disk(error: BaseException) -> TypeGuard[OSError]:
@@ -121,12 +121,12 @@ class InputError(Exception):
     """
 
     def __init__(self, message: str = "", records: Sequence[Mistake] = ()) -> None:
-        listed = list(records) or [Mistake(message)]
-        surplus = len(listed) - MESSAGES
+        mistakes = list(records) or [Mistake(message)]
+        surplus = len(mistakes) - MESSAGES
         if surplus > 1:
             remark = Mistake(f"and {surplus} more")
-            listed = [*listed[:MESSAGES], remark]
-        self.records = tuple(record.cleaned() for record in listed)
+            mistakes = [*mistakes[:MESSAGES], remark]
+        self.records = tuple(record.clean() for record in mistakes)
         super().__init__("\n".join(str(record) for record in self.records))
 
     def __reduce__(self) -> tuple[type[InputError], tuple[str, tuple[Mistake, ...]]]:
@@ -140,14 +140,14 @@ def refuse_all(mistakes: Sequence[Mistake]) -> None:
 
 
 @contextmanager
-def writing(place: object, refused: str, resumes: bool = False) -> Iterator[None]:
+def writing(place: object, failure_text: str, resumes: bool = False) -> Iterator[None]:
     """Turn an error of the operating system within the context into an InputError.
 
     Parameters
     ----------
     place : object
         File or folder, printed first.
-    refused : str
+    failure_text : str
         The failed action, such as "cannot be written".
     resumes : bool
         Whether to pass on the error of a full disk, after which the same command resumes.
@@ -157,4 +157,4 @@ def writing(place: object, refused: str, resumes: bool = False) -> Iterator[None
     except OSError as error:
         if resumes and is_full_disk(error):
             raise
-        raise InputError(f"{place}: {refused}: {error.strerror or error}") from error
+        raise InputError(f"{place}: {failure_text}: {error.strerror or error}") from error

@@ -21,7 +21,7 @@ _BINARY: dict[type[ast.operator], Callable[[Any, Any], Any]] = {
     ast.Mult: np.multiply,
     ast.Div: np.divide,
 }
-_CALLED: dict[str, Callable[..., Any]] = {
+_FUNCTIONS: dict[str, Callable[..., Any]] = {
     "max": lambda *values: reduce(np.maximum, values),
     "min": lambda *values: reduce(np.minimum, values),
     "abs": np.abs,
@@ -31,16 +31,16 @@ _SINGLE = ("abs", "sqrt")  # these have one argument, the others one or more
 _LENGTH = 500  # characters
 
 
-def _parsed(text: str) -> ast.expr:
+def _parse(text: str) -> ast.expr:
     try:
         if len(text) > _LENGTH:
             raise ValueError
         tree = ast.parse(text.strip(), mode="eval").body
     except (SyntaxError, ValueError, RecursionError, MemoryError):
         raise ValueError("should be an expression such as 'a / b' or 'max(a, b) / min(a, b)'") from None
-    called = {id(node.func) for node in ast.walk(tree) if isinstance(node, ast.Call)}
+    function_ids = {id(node.func) for node in ast.walk(tree) if isinstance(node, ast.Call)}
     for node in ast.walk(tree):
-        is_called = id(node) in called
+        is_called = id(node) in function_ids
         fault = _fault(node, text.strip(), is_called)
         if fault:
             raise ValueError(fault)
@@ -52,29 +52,29 @@ def _fault(node: ast.AST, text: str, is_called: bool) -> str:
 
     is_called : Whether the node is the function of a call.
     """
-    if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in _CALLED:
+    if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in _FUNCTIONS:
         name = node.func.id
         has_arguments = bool(node.args) and not node.keywords
         too_many = name in _SINGLE and len(node.args) != 1
         is_allowed = has_arguments and not too_many
         return "" if is_allowed else _call_fault(name)
-    if isinstance(node, ast.Name) and node.id in _CALLED and not is_called:
+    if isinstance(node, ast.Name) and node.id in _FUNCTIONS and not is_called:
         return _call_fault(node.id)
     if isinstance(node, ast.Constant) and isinstance(node.value, int | float) and not isinstance(node.value, bool):
-        written = ast.get_source_segment(text, node)
-        return _number_fault(written or "")
+        number_text = ast.get_source_segment(text, node)
+        return _number_fault(number_text or "")
     if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub):
         return ""
     if isinstance(node, (ast.BinOp, ast.Name, ast.Load, ast.USub, *_BINARY)):
         return ""
-    return f"should be made of terms, numbers, + - * /, {', '.join(_CALLED)} and brackets"
+    return f"should be made of terms, numbers, + - * /, {', '.join(_FUNCTIONS)} and brackets"
 
 
-def _number_fault(written: str) -> str:
-    if not re.fullmatch(DECIMAL, written):
-        return f"should have decimal numbers such as 1000.5, not {quoted(written)}"
-    if not math.isfinite(float(written)):
-        return f"should have numbers below 1e308, not {quoted(written)}"
+def _number_fault(number_text: str) -> str:
+    if not re.fullmatch(DECIMAL, number_text):
+        return f"should have decimal numbers such as 1000.5, not {quoted(number_text)}"
+    if not math.isfinite(float(number_text)):
+        return f"should have numbers below 1e308, not {quoted(number_text)}"
     return ""
 
 
@@ -86,15 +86,15 @@ def _call_fault(name: str) -> str:
 
 def names(text: str) -> tuple[str, ...]:
     """Return the names of the terms of an expression in order; ValueError if the text is no expression."""
-    nodes = ast.walk(_parsed(text))
+    nodes = ast.walk(_parse(text))
     identifiers = [node.id for node in nodes if isinstance(node, ast.Name)]
-    terms = [name for name in identifiers if name not in _CALLED]
+    terms = [name for name in identifiers if name not in _FUNCTIONS]
     return tuple(dict.fromkeys(terms))
 
 
 def is_product(text: str) -> bool:
     """Whether an expression has neither sums nor differences, so that its logarithm is closer to linear."""
-    nodes = ast.walk(_parsed(text))
+    nodes = ast.walk(_parse(text))
     return not any(isinstance(node, ast.Add | ast.Sub) for node in nodes)
 
 
@@ -113,9 +113,9 @@ def evaluate(text: str, values: Mapping[str, Any]) -> Any:
             return operation(value(node.left), value(node.right))
         assert isinstance(node, ast.Call)
         assert isinstance(node.func, ast.Name)
-        function = _CALLED[node.func.id]
+        function = _FUNCTIONS[node.func.id]
         arguments = map(value, node.args)
         return function(*arguments)
 
     with np.errstate(divide="ignore", invalid="ignore"):
-        return value(_parsed(text))
+        return value(_parse(text))

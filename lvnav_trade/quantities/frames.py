@@ -75,8 +75,8 @@ def rotation_e_pad(r_e: Floats, pad_e: Floats) -> Floats:
     depth = from_pad @ down
     level = from_pad - depth[:, None] * down
     is_away = np.linalg.norm(level, axis=1) > _ABOVE
-    has_left = np.linalg.norm(from_pad, axis=1) > _ABOVE
-    line = np.where(has_left[:, None], from_pad, up)
+    is_off_pad = np.linalg.norm(from_pad, axis=1) > _ABOVE
+    line = np.where(is_off_pad[:, None], from_pad, up)
     across = np.where(is_away[:, None], np.cross(level, up), east)
     outward = unit(line)
     azimuth = unit(across)
@@ -196,16 +196,16 @@ def geodetic_from_ecef(r_e: ArrayLike) -> tuple[Floats, Floats, Floats]:
     components = r_e if r_e.ndim == 1 else np.moveaxis(r_e, -1, 0)
     x, y, z = np.ascontiguousarray(components)
     p = np.hypot(x, y)
-    reduced = np.arctan2(SEMI_MAJOR * z, SEMI_MINOR * p)
-    lat = reduced
+    reduced_latitude = np.arctan2(SEMI_MAJOR * z, SEMI_MINOR * p)
+    lat = reduced_latitude
     for _ in range(4):  # each iteration gains four digits or more, the fourth only confirms
         # tan lat = (z + e'^2 b sin^3 reduced) / (p - e^2 a cos^3 reduced)
-        sin_reduced = np.sin(reduced)
-        cos_reduced = np.cos(reduced)
+        sin_reduced = np.sin(reduced_latitude)
+        cos_reduced = np.cos(reduced_latitude)
         polar = z + SECOND_ECCENTRICITY_2 * SEMI_MINOR * sin_reduced**3
         level = p - ECCENTRICITY_2 * SEMI_MAJOR * cos_reduced**3
         lat = np.arctan2(polar, level)
-        reduced = np.arctan2((1.0 - FLATTENING) * np.sin(lat), np.cos(lat))
+        reduced_latitude = np.arctan2((1.0 - FLATTENING) * np.sin(lat), np.cos(lat))
     sin_lat = np.sin(lat)
     cos_lat = np.cos(lat)
     surface = SEMI_MAJOR * np.sqrt(1.0 - ECCENTRICITY_2 * sin_lat**2)
@@ -392,8 +392,8 @@ def _angle(v: Floats, x: Floats, y: Floats) -> Floats:
 
 def _matrix(rows: list[list[Floats]]) -> Floats:
     """Stack rows of arrays (...,) to matrices (..., 3, 3)."""
-    stacked = np.empty((*np.shape(rows[0][0]), 3, 3))
+    matrix = np.empty((*np.shape(rows[0][0]), 3, 3))
     for j, row in enumerate(rows):
         for k, entry in enumerate(row):
-            stacked[..., j, k] = entry
-    return stacked
+            matrix[..., j, k] = entry
+    return matrix

@@ -20,43 +20,43 @@ _ELSE = "cp1252"  # encoding of text that is not UTF-8, as written by spreadshee
 _BINARY = frozenset(range(32)) - frozenset(b"\t\n\v\f\r\x1a\x1b")  # control characters that do not occur in text
 
 
-def open_regular(path: str | Path, most: int) -> BinaryIO:
-    """Return a regular file of at most `most` bytes, open for reading; the caller closes it.
+def open_regular(path: str | Path, max_bytes: int) -> BinaryIO:
+    """Return a regular file of at most `max_bytes` bytes, open for reading; the caller closes it.
 
     Raises
     ------
     InputError
-        No such file, not a regular file, larger than `most`, or not readable.
+        No such file, not a regular file, larger than `max_bytes`, or not readable.
     """
     try:
         # non-blocking: opening a pipe without a writer would wait forever
         handle = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
     except (OSError, ValueError) as error:
-        raise InputError(f"{_shown(path)}: cannot be read: {getattr(error, 'strerror', None) or error}") from None
+        raise InputError(f"{_path_text(path)}: cannot be read: {getattr(error, 'strerror', None) or error}") from None
     state = os.fstat(handle)
     if not stat.S_ISREG(state.st_mode):
         os.close(handle)
-        raise InputError(f"{_shown(path)}: is not a regular file")
-    if state.st_size > most:
+        raise InputError(f"{_path_text(path)}: is not a regular file")
+    if state.st_size > max_bytes:
         os.close(handle)
-        raise InputError(f"{_shown(path)}: {state.st_size} bytes; at most {most} are read")
+        raise InputError(f"{_path_text(path)}: {state.st_size} bytes; at most {max_bytes} are read")
     return os.fdopen(handle, "rb")
 
 
-def read_bytes(path: str | Path, most: int) -> bytes:
-    """Return the content of a regular file of at most `most` bytes; InputError as of `open_regular`."""
-    with open_regular(path, most) as file:
+def read_bytes(path: str | Path, max_bytes: int) -> bytes:
+    """Return the content of a regular file of at most `max_bytes` bytes; InputError as of `open_regular`."""
+    with open_regular(path, max_bytes) as file:
         try:
-            data = file.read(most + 1)
+            data = file.read(max_bytes + 1)
         except OSError as error:
-            raise InputError(f"{_shown(path)}: cannot be read: {error.strerror}") from None
-    if len(data) > most:
-        raise InputError(f"{_shown(path)}: more than {most} bytes")
+            raise InputError(f"{_path_text(path)}: cannot be read: {error.strerror}") from None
+    if len(data) > max_bytes:
+        raise InputError(f"{_path_text(path)}: more than {max_bytes} bytes")
     return data
 
 
-def refuse_irregular(folder: Path, below: str = "parts") -> None:
-    """Raise InputError if a folder, or its subfolder `below`, contains a pipe, a socket or a device.
+def refuse_irregular(folder: Path, subfolder: str = "parts") -> None:
+    """Raise InputError if a folder, or its subfolder `subfolder`, contains a pipe, a socket or a device.
 
     For folders of results, whose files libraries open by name: opening one of these would wait forever.
     """
@@ -67,18 +67,19 @@ def refuse_irregular(folder: Path, below: str = "parts") -> None:
         return  # the reader of a file in it reports the error
     for entry in entries:
         if entry.is_dir():
-            if not entry.is_symlink() and below in (entry.name, "*"):
+            if not entry.is_symlink() and subfolder in (entry.name, "*"):
                 refuse_irregular(folder / entry.name, "*")
         elif not entry.is_file() and os.path.exists(entry.path):
-            raise InputError(f"{_shown(entry.path)}: is not a regular file")
+            raise InputError(f"{_path_text(entry.path)}: is not a regular file")
 
 
-def read_text(path: str | Path, most: int) -> str:
-    """Return the content of a text file of at most `most` bytes: UTF-8, UTF-16 with a byte-order mark, or Windows-1252.
+def read_text(path: str | Path, max_bytes: int) -> str:
+    """Return the content of a text file of at most `max_bytes` bytes.
 
-    InputError as in `open_regular`, and if the file is not text.
+    The encoding is UTF-8, UTF-16 with a byte-order mark, or Windows-1252. InputError as in `open_regular`, and if the
+    file is not text.
     """
-    data = read_bytes(path, most)
+    data = read_bytes(path, max_bytes)
     encodings = [name for mark, name in _ENCODINGS.items() if data.startswith(mark)][:1]
     for encoding in encodings or ["utf-8", _ELSE]:
         try:
@@ -88,23 +89,23 @@ def read_text(path: str | Path, most: int) -> str:
         if _BINARY.isdisjoint(text.encode("ascii", "ignore")):
             return text
         break
-    unmarked = len(data) > 1 and (data[0] == 0) != (data[1] == 0)  # every other byte of its ASCII is zero
-    hint = " (UTF-16 without a mark of its byte order? save it as UTF-8)" if unmarked else ""
-    raise InputError(f"{_shown(path)}: is not a text file{hint}")
+    is_unmarked = len(data) > 1 and (data[0] == 0) != (data[1] == 0)  # every other byte of its ASCII is zero
+    hint = " (UTF-16 without a mark of its byte order? save it as UTF-8)" if is_unmarked else ""
+    raise InputError(f"{_path_text(path)}: is not a text file{hint}")
 
 
-def text_lines(path: str | Path, most: int) -> Iterator[tuple[int, str]]:
-    """Yield the numbered lines of a text file of at most `most` bytes, without empty lines and comments (#).
+def text_lines(path: str | Path, max_bytes: int) -> Iterator[tuple[int, str]]:
+    """Yield the numbered lines of a text file of at most `max_bytes` bytes, without empty lines and comments (#).
 
     InputError as in `read_text`.
     """
-    lines = read_text(path, most).splitlines()
+    lines = read_text(path, max_bytes).splitlines()
     for number, line in enumerate(lines, start=1):
         if line.strip() and not line.lstrip().startswith("#"):
             yield number, line
 
 
-def _shown(path: str | Path) -> str:
+def _path_text(path: str | Path) -> str:
     """Return a path as messages print it: whole, unless it is too long for a path."""
     text = str(path)
     return text if len(text) <= 255 else quoted(text)
@@ -134,7 +135,7 @@ def decimal_or_endless(text: str) -> float:
     return float(text)
 
 
-def whole(text: str) -> int:
+def integer(text: str) -> int:
     """Return the integer in a text, which may have blanks around it; ValueError if it is none."""
     if not is_plain(text):
         raise ValueError("not a decimal number")

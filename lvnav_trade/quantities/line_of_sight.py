@@ -67,15 +67,15 @@ def antenna(out: Any, nav: Any, rate: Any, lever: Any, sign: float) -> None:
 
 
 @jit
-def line_of_sight(satellite: Any, at: Any) -> Any:
+def line_of_sight(satellite: Any, antenna_state: Any) -> Any:
     """Return the unit vector from antenna to satellite (three numbers) and their distance (m).
 
     satellite : (3,) m, frame i
-    at : state of the antenna, as `antenna` sets it
+    antenna_state : state of the antenna, as `antenna` sets it
     """
-    dx = satellite[0] - at[0]
-    dy = satellite[1] - at[1]
-    dz = satellite[2] - at[2]
+    dx = satellite[0] - antenna_state[0]
+    dy = satellite[1] - antenna_state[1]
+    dz = satellite[2] - antenna_state[2]
     distance = sqrt(dx * dx + dy * dy + dz * dz)
     scale = 1.0 / distance
     ux = dx * scale
@@ -88,25 +88,25 @@ class Sight(NamedTuple):
     """Lines of sight, of any leading shape.
 
     line : (..., 3) m. From the antenna to the satellite or transmitter.
-    moving : (..., 3) m/s. Time derivative of the line.
+    line_rate : (..., 3) m/s. Time derivative of the line.
     distance : (...,) m. Range.
     direction : (..., 3). Unit vector along the line.
     rate : (...,) m/s. Range rate.
     """
 
     line: Floats
-    moving: Floats
+    line_rate: Floats
     distance: Floats
     direction: Floats
     rate: Floats
 
     @property
-    def turning(self) -> Floats:
+    def direction_rate(self) -> Floats:
         """Time derivative of the unit vector, (..., 3) rad/s, which is also the derivative of the range rate by the
         line: u' = (line' - rate u) / range.
         """
         along = self.rate[..., None] * self.direction
-        across = self.moving - along
+        across = self.line_rate - along
         return np.asarray(across / self.distance[..., None])
 
     def acceleration(self, relative: Floats) -> Floats:
@@ -114,33 +114,33 @@ class Sight(NamedTuple):
 
         relative : (..., 3) m/s^2. Second derivative of the line.
         """
-        speed_square = np.sum(self.moving**2, axis=-1)
+        speed_square = np.sum(self.line_rate**2, axis=-1)
         across = speed_square - self.rate**2  # square of the velocity across the line
-        along = _along(self.direction, relative)
+        along = _projection(self.direction, relative)
         return np.asarray(across / self.distance + along)
 
 
-def _along(direction: Floats, vector: Floats) -> Floats:
+def _projection(direction: Floats, vector: Floats) -> Floats:
     """Return the component (...,) of vectors (..., 3) along directions (..., 3)."""
     return np.asarray(np.einsum("...i,...i->...", direction, vector))
 
 
-def sight(line: Floats, moving: Floats) -> Sight:
+def sight(line: Floats, line_rate: Floats) -> Sight:
     """Return distance, direction and range rate of lines of sight.
 
     Parameters
     ----------
     line : (..., 3) m
         From the antenna to the satellite or transmitter.
-    moving : (..., 3) m/s
+    line_rate : (..., 3) m/s
         Time derivative of the line, same axes.
     """
     distance = np.linalg.norm(line, axis=-1)
     direction = line / distance[..., None]
-    return Sight(line, moving, distance, direction, _along(direction, moving))
+    return Sight(line, line_rate, distance, direction, _projection(direction, line_rate))
 
 
-def falling(r_i: Floats, gm: float) -> Floats:
+def point_mass_gravitation(r_i: Floats, gm: float) -> Floats:
     """Return point-mass gravitation (..., 3) m/s^2 at positions (..., 3) m. It suffices for the curvature of a range.
 
     gm : m^3/s^2. Gravitational constant of the Earth.
@@ -149,32 +149,32 @@ def falling(r_i: Floats, gm: float) -> Floats:
     return np.asarray(-gm * r_i / distance**3)
 
 
-def point_of(at: Motion, C_b_i: Floats, lever_b: Floats) -> tuple[Floats, Floats]:
+def point_motion(motion: Motion, C_b_i: Floats, lever_b: Floats) -> tuple[Floats, Floats]:
     """Return position (m) and velocity (m/s), (n_epoch, 3) each, of a point of the vehicle such as an antenna.
 
     r_a = r + C l,   v_a = v + C (w x l)
 
     Parameters
     ----------
-    at : Motion
+    motion : Motion
         Motion of the IMU at n_epoch times.
     C_b_i : (n_epoch, 3, 3)
         Attitude, body to frame i.
     lever_b : (3,) m
         Point relative to the IMU, body axes.
     """
-    swing_b = np.cross(at.w_ib_b, lever_b)
-    position_i = at.r_i + C_b_i @ lever_b
-    velocity_i = at.v_i + np.einsum("nij,nj->ni", C_b_i, swing_b)
+    swing_b = np.cross(motion.w_ib_b, lever_b)
+    position_i = motion.r_i + C_b_i @ lever_b
+    velocity_i = motion.v_i + np.einsum("nij,nj->ni", C_b_i, swing_b)
     return position_i, velocity_i
 
 
-def lever_partials(seen: Sight, C_b_i: Floats, w_ib_b: Floats) -> Floats:
+def lever_partials(lines: Sight, C_b_i: Floats, w_ib_b: Floats) -> Floats:
     """Return the derivatives of range and range rate by the lever arm in body axes, (n_epoch, n_sat, 2, 3).
 
     Parameters
     ----------
-    seen : Sight, (n_epoch, n_sat)
+    lines : Sight, (n_epoch, n_sat)
         Lines of sight in frame i.
     C_b_i : (n_epoch, 3, 3)
         Attitude, body to frame i.
@@ -187,11 +187,11 @@ def lever_partials(seen: Sight, C_b_i: Floats, w_ib_b: Floats) -> Floats:
         Range (no unit), then range rate (1/s). Both are negative along the line: the lever arm moves the antenna, the
         line's own start.
     """
-    towards = np.einsum("esi,eij->esj", seen.direction, C_b_i)  # u in body axes
-    swinging = np.cross(towards, w_ib_b[:, None, :])  # u . (w x l) = l . (u x w)
-    turning = np.einsum("esi,eij->esj", seen.turning, C_b_i)
-    by_range = -towards
-    by_range_rate = -swinging - turning
+    direction_b = np.einsum("esi,eij->esj", lines.direction, C_b_i)  # u in body axes
+    swing_partial = np.cross(direction_b, w_ib_b[:, None, :])  # u . (w x l) = l . (u x w)
+    direction_rate_b = np.einsum("esi,eij->esj", lines.direction_rate, C_b_i)
+    by_range = -direction_b
+    by_range_rate = -swing_partial - direction_rate_b
     return np.stack([by_range, by_range_rate], axis=2)
 
 
@@ -204,7 +204,7 @@ def ranging_rows(direction: Floats) -> Floats:
     return np.column_stack([-direction, by_clock])
 
 
-def pdop(direction: Floats, tracked: Bools) -> Floats:
+def pdop(direction: Floats, is_tracked: Bools) -> Floats:
     """Return the position dilution of precision, (n_epoch,), from the trace of (H' H)^-1 over position.
 
     It is infinite with fewer than four satellites, or if all of them lie in one cone about the antenna.
@@ -213,13 +213,13 @@ def pdop(direction: Floats, tracked: Bools) -> Floats:
     ----------
     direction : (n_epoch, n_sat, 3)
         Unit vectors from antenna to satellites.
-    tracked : (n_epoch, n_sat) bool
+    is_tracked : (n_epoch, n_sat) bool
         Satellites in the solution.
     """
-    dilution = np.full(len(tracked), np.inf)
-    n_tracked = tracked.sum(axis=1)
+    dilution = np.full(len(is_tracked), np.inf)
+    n_tracked = is_tracked.sum(axis=1)
     for epoch in np.flatnonzero(n_tracked >= 4):
-        tracked_direction = direction[epoch, tracked[epoch]]
+        tracked_direction = direction[epoch, is_tracked[epoch]]
         rows = ranging_rows(tracked_direction)
         normal = rows.T @ rows
         if np.linalg.cond(normal) < _ONE_CONE:
@@ -245,8 +245,8 @@ def range_rate(direction: Floats, v_sat: Floats, v_antenna: Floats) -> Floats:
     From the derivative of the light-time equation: the satellite moves for dt_tx/dt_rx = 1 - rate/c, hence
     rate = (u . v_sat - u . v_antenna) / (1 + u . v_sat / c).
     """
-    satellite_rate = _along(direction, v_sat)
-    antenna_rate = _along(direction, v_antenna)
+    satellite_rate = _projection(direction, v_sat)
+    antenna_rate = _projection(direction, v_antenna)
     difference = satellite_rate - antenna_rate
     return np.asarray(difference / (1.0 + satellite_rate / SPEED_OF_LIGHT))
 
@@ -279,7 +279,7 @@ def look_angles(theta0: float, t: Floats, antenna_r: Floats, direction: Floats) 
     return azimuth, elevation
 
 
-def off_nadir(r_sat: Floats, direction: Floats) -> Floats:
+def off_nadir_angle(r_sat: Floats, direction: Floats) -> Floats:
     """Return the angle (...,) rad at the satellite between its nadir and the antenna.
 
     r_sat : (..., 3) m. Satellite position from the Earth's centre.
@@ -290,7 +290,7 @@ def off_nadir(r_sat: Floats, direction: Floats) -> Floats:
     return np.asarray(np.arccos(np.clip(cosine, -1.0, 1.0)))
 
 
-def occluded(antenna_r: Floats, satellite_r: Floats, grazing: float) -> Bools:
+def is_occluded(antenna_r: Floats, satellite_r: Floats, grazing: float) -> Bools:
     """Return whether the Earth blocks the straight ray from antenna to satellite, (...,) bool.
 
     An antenna below the grazing height loses the satellites below its horizon and no others.
@@ -308,10 +308,10 @@ def occluded(antenna_r: Floats, satellite_r: Floats, grazing: float) -> Bools:
     ray = satellite_r * stretch - start
     # the point start + along ray is closest to the centre where start . ray + along ray . ray = 0
     ray_square = np.sum(ray * ray, axis=-1)
-    along = -np.sum(start * ray, axis=-1) / ray_square
-    lowest = start + along[..., None] * ray
+    ray_fraction = -np.sum(start * ray, axis=-1) / ray_square
+    lowest = start + ray_fraction[..., None] * ray
     lowest_square = np.sum(lowest * lowest, axis=-1)
     least_radius = SEMI_MAJOR + grazing
-    is_between = (along > 0.0) & (along < 1.0)
+    is_between = (ray_fraction > 0.0) & (ray_fraction < 1.0)
     is_low = lowest_square < least_radius**2
     return np.asarray(is_between & is_low)

@@ -55,14 +55,14 @@ class MarkedField(NamedTuple):
     reason: str
 
 
-def misnamed(card: BaseModel) -> Iterator[str]:
+def mark_faults(card: BaseModel) -> Iterator[str]:
     """Yield the input errors of a card's marks: a path that is no field of the card, a field with both marks."""
-    assumed = {path for path, _ in getattr(card, MARKS[0])}
-    second_hand = {path for path, _ in getattr(card, MARKS[1])}
-    marked_twice = assumed & second_hand
+    assumed_paths = {path for path, _ in getattr(card, MARKS[0])}
+    second_hand_paths = {path for path, _ in getattr(card, MARKS[1])}
+    repeated_paths = assumed_paths & second_hand_paths
     for mark in MARKS:
         for path, _ in getattr(card, mark):
-            if path in marked_twice:
+            if path in repeated_paths:
                 yield f"{mark}.{path}: marked as assumed and as second hand; leave one"
             elif fault := _path_fault(card, path):
                 yield f"{mark}.{path}: {fault}"
@@ -80,12 +80,12 @@ def _path_fault(card: BaseModel, path: str) -> str:
             else:
                 hint = f"known: {', '.join(dict.fromkeys(fields)) or 'none'}"
             return f"{quoted(step)} is not a field of the card ({hint})"
-        values = _all_below(values, step)
+        values = _all_child_values(values, step)
     return ""
 
 
-def _all_below(values: list[Any], step: str) -> list[Any]:
-    return [below for value in values for below in _below(value, step)]
+def _all_child_values(values: list[Any], step: str) -> list[Any]:
+    return [child for value in values for child in _child_values(value, step)]
 
 
 def _fields(value: Any) -> Iterable[str]:
@@ -100,7 +100,7 @@ def _fields(value: Any) -> Iterable[str]:
     return map(str, value) if isinstance(value, Mapping) else ()
 
 
-def _below(value: Any, step: str) -> list[Any]:
+def _child_values(value: Any, step: str) -> list[Any]:
     """Return the values one path step below; of a list the item with that index, or that field of each item."""
     if isinstance(value, BaseModel):
         names = {info.alias or name: name for name, info in type(value).model_fields.items()}
@@ -109,7 +109,7 @@ def _below(value: Any, step: str) -> list[Any]:
         if step.isdigit():
             index = int(step)
             return [value[index]] if index < len(value) else []
-        return _all_below(list(value), step)
+        return _all_child_values(list(value), step)
     return [value[step]] if isinstance(value, Mapping) and step in value else []
 
 
@@ -131,18 +131,18 @@ def marks_in(data: Any, path: str = "") -> Iterator[MarkedField]:
                     value=_marked_value(data, field),
                     reason=str(reason),
                 )
-        for key, below in data.items():
-            yield from marks_in(below, f"{path}.{key}" if path else str(key))
+        for key, child in data.items():
+            yield from marks_in(child, f"{path}.{key}" if path else str(key))
     elif isinstance(data, list) and data and isinstance(data[0], Mapping):
-        for number, below in enumerate(data):
-            yield from marks_in(below, f"{path}.{number}")
+        for number, child in enumerate(data):
+            yield from marks_in(child, f"{path}.{number}")
 
 
 def _marked_value(data: Any, field: str) -> Any:
     """Return the value of a marked field; a list if its items have different values."""
     values: list[Any] = [data]
     for step in field.split("."):
-        values = _all_below(values, step)
+        values = _all_child_values(values, step)
     by_text = {str(value): value for value in values}
     distinct = list(by_text.values())
     return distinct[0] if len(distinct) == 1 else distinct
@@ -154,10 +154,10 @@ def without_marks(data: Any) -> Any:
         return [without_marks(item) for item in data]
     if not isinstance(data, Mapping):
         return data
-    return {key: without_marks(below) for key, below in data.items() if not _is_marks(data, key)}
+    return {key: without_marks(child) for key, child in data.items() if not _is_marks(data, key)}
 
 
-def unmarked(data: Any, steps: Sequence[str]) -> Any:
+def without_field_marks(data: Any, steps: Sequence[str]) -> Any:
     """Return a mapping without the marks on the field at path `steps` and on the fields below it.
 
     An override gives the field a new value, to which the reason of the old value does not apply.

@@ -81,14 +81,14 @@ class _Recording(Card):
         return value
 
     def __eq__(self, other: Any) -> bool:
-        return bool(_plain(self) == (_plain(other) if isinstance(other, _Recording) else other))
+        return bool(_plain_card(self) == (_plain_card(other) if isinstance(other, _Recording) else other))
 
     def __reduce_ex__(self, protocol: Any) -> Any:
         """Pickle the card itself: the copy in another process records nothing."""
-        return _itself, (_plain(self),)
+        return _identity, (_plain_card(self),)
 
 
-def _itself(card: Card) -> Card:
+def _identity(card: Card) -> Card:
     return card
 
 
@@ -111,12 +111,12 @@ def _recording_copy(card: Card, values: dict[str, Any]) -> Card:
     return _make_copy(card, _recording_class(type(card)), values)
 
 
-def _plain(card: Card) -> Card:
+def _plain_card(card: Card) -> Card:
     """Return the original card of a recording copy, with all cards within it."""
 
     def plain(value: Any) -> Any:
         if isinstance(value, _Recording):
-            return _plain(value)
+            return _plain_card(value)
         if isinstance(value, dict):
             return {name: plain(item) for name, item in value.items()}
         return tuple(map(plain, value)) if type(value) is tuple else value
@@ -142,7 +142,7 @@ def note(card: Card, names: Collection[str]) -> None:
         notes.paths.update(notes.prefix + name for name in names)
 
 
-def remembered(size: int) -> Callable[[Callable[..., Value]], Callable[..., Value]]:
+def result_cache(size: int) -> Callable[[Callable[..., Value]], Callable[..., Value]]:
     """Cache the last `size` results of a function of (key, card, *rest) by key and rest.
 
     A cached result counts as a reading of the fields that its computation read.
@@ -195,15 +195,15 @@ class _CachedResult(NamedTuple):
 
 
 def _cached_result(key: tuple[Hashable, ...], card: Card, paths: set[str], result: Any) -> _CachedResult:
-    above: set[str] = set()
+    parent_paths: set[str] = set()
     for path in paths:
-        above.update(_paths_above(path))
-    values = {path: _value_at(card, path) for path in paths - above}
-    structures = {path: _structure(_value_at(card, path)) for path in above}
+        parent_paths.update(_paths_above(path))
+    values = {path: _value_at(card, path) for path in paths - parent_paths}
+    structures = {path: _structure(_value_at(card, path)) for path in parent_paths}
     return _CachedResult(key, values, structures, result)
 
 
-def remembered_by_reads(size: int) -> Callable[[Callable[..., Value]], Callable[..., Value]]:
+def result_cache_by_reads(size: int) -> Callable[[Callable[..., Value]], Callable[..., Value]]:
     """Cache the last `size` results of a function of (key, card, *rest) by key, rest, and the fields it read.
 
     A deterministic function reads the same fields again as long as the values it read are equal, so that fields it did
@@ -214,23 +214,23 @@ def remembered_by_reads(size: int) -> Callable[[Callable[..., Value]], Callable[
         results: list[_CachedResult] = []
 
         def find(key: tuple[Hashable, ...], card: Card) -> _CachedResult | None:
-            for cached in reversed(results):
-                if cached.is_valid(key, card):
-                    return cached
+            for cached_result in reversed(results):
+                if cached_result.is_valid(key, card):
+                    return cached_result
             return None
 
         @wraps(function)
         def call(key: Hashable, card: Card, *rest: Hashable) -> Value:
-            plain = _plain(card) if isinstance(card, _Recording) else card
-            cached = find((key, *rest), plain)
-            if cached is None:
+            plain = _plain_card(card) if isinstance(card, _Recording) else card
+            cached_result = find((key, *rest), plain)
+            if cached_result is None:
                 reads = FieldReads(plain)
                 value = function(key, reads.card, *rest)
-                cached = _cached_result((key, *rest), plain, reads.paths, value)
-                results.append(cached)
+                cached_result = _cached_result((key, *rest), plain, reads.paths, value)
+                results.append(cached_result)
                 del results[:-size]
-            note(card, {*cached.values, *cached.structures})
-            return cached.result
+            note(card, {*cached_result.values, *cached_result.structures})
+            return cached_result.result
 
         return call
 

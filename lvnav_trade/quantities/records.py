@@ -86,14 +86,14 @@ class Motion(NamedTuple):
 class Reference(NamedTuple):
     """True motion on the ticks of the IMU, and the increments of an ideal IMU between them.
 
-    t : (n_imu + 1,) s since lift-off. Ticks.
-    r_i : (n_imu + 1, 3) m. Position, frame i.
-    v_i : (n_imu + 1, 3) m/s. Inertial velocity, frame i.
-    q_b_i : (n_imu + 1, 4). Unit quaternion from body to inertial, scalar first.
-    f_b : (n_imu + 1, 3) m/s^2. Specific force, body axes.
-    w_ib_b : (n_imu + 1, 3) rad/s. Body rate, body axes.
-    dtheta : (n_imu, 3) rad. Integral of the body rate over each interval, body axes.
-    dvel : (n_imu, 3) m/s. Integral of the specific force over each interval, body axes.
+    t : (n_tick + 1,) s since lift-off. Ticks.
+    r_i : (n_tick + 1, 3) m. Position, frame i.
+    v_i : (n_tick + 1, 3) m/s. Inertial velocity, frame i.
+    q_b_i : (n_tick + 1, 4). Unit quaternion from body to inertial, scalar first.
+    f_b : (n_tick + 1, 3) m/s^2. Specific force, body axes.
+    w_ib_b : (n_tick + 1, 3) rad/s. Body rate, body axes.
+    dtheta : (n_tick, 3) rad. Integral of the body rate over each interval, body axes.
+    dvel : (n_tick, 3) m/s. Integral of the specific force over each interval, body axes.
     """
 
     t: Floats
@@ -111,14 +111,14 @@ class ChannelTransition(NamedTuple):
 
     t : s since lift-off.
     satellite : Name of the satellite.
-    before, after : States, as in `TRACKING`.
+    state_before, state_after : States, as in `TRACKING`.
     reason : Cause of the change.
     """
 
     t: float
     satellite: str
-    before: str
-    after: str
+    state_before: str
+    state_after: str
     reason: str
 
 
@@ -131,7 +131,7 @@ class Sky(NamedTuple):
     v_i : (n_epoch, n_sat, 3) m/s. Derivative of r_i with respect to *reception* time.
     azimuth : (n_epoch, n_sat) rad. At the antenna, frame n.
     elevation : (n_epoch, n_sat) rad. At the antenna, frame n.
-    tracked : (n_epoch, n_sat). Whether the satellite is measured at the epoch.
+    is_tracked : (n_epoch, n_sat). Whether the satellite is measured at the epoch.
     antenna : (n_epoch, n_sat). Antenna that receives the satellite best.
     cn0 : (n_epoch, n_sat) dB-Hz. C/N0 in the tracking loops; NaN without a link budget or a signal.
     range_sigma : (n_epoch, n_sat) m. True sigma of white noise in the pseudorange.
@@ -150,7 +150,7 @@ class Sky(NamedTuple):
     v_i: Floats
     azimuth: Floats
     elevation: Floats
-    tracked: NDArray[np.bool_]
+    is_tracked: NDArray[np.bool_]
     antenna: NDArray[np.int64]
     cn0: Floats
     range_sigma: Floats
@@ -185,8 +185,8 @@ class RunBlock(NamedTuple):
     injections : (n_run, 3 + 2 n_orbit). Of guided ascents: outcome (see OUTCOMES), time (s) of the last cut-off,
         remaining propellant (kg), then for each element in ORBIT the achieved value minus the target, and the achieved
         value minus the navigated value.
-    lost : (n_draw, 4). Vehicle draws of the runs that do not reach their cut-off, run after run: run, number of the
-        source (see `dispersion_card.SOURCES`), number within the source, draw in sigmas.
+    lost_draws : (n_draw, 4). Vehicle draws of the runs that do not reach their cut-off, run after run: run, number of
+        the source (see `dispersion_card.SOURCES`), number within the source, draw in sigmas.
     """
 
     first_run: int
@@ -204,7 +204,7 @@ class RunBlock(NamedTuple):
     changes: Floats = NO_CHANGES
     decisions: Floats = NO_DECISIONS
     injections: Floats = NO_INJECTIONS
-    lost: Floats = NO_LOST
+    lost_draws: Floats = NO_LOST
 
 
 class InjectionLaw(NamedTuple):
@@ -213,7 +213,7 @@ class InjectionLaw(NamedTuple):
     It is linearised about the reference flight: a vehicle without dispersions, a navigation without errors. Numbers are
     those of INJECTION, SI.
 
-    why : Reason why there is no covariance; empty if there is.
+    reason : Reason why there is no covariance; empty if there is.
     reference : (n_number,). Numbers of the reference flight.
     target : (n_orbit,). Elements of the target orbit.
     mean : (n_number,). Mean minus target of the orbital elements; mean of the other numbers. To second order in the
@@ -226,7 +226,7 @@ class InjectionLaw(NamedTuple):
     execution : (n_source, n_orbit). Variance of the navigated orbit minus the target.
     """
 
-    why: str = ""
+    reason: str = ""
     reference: Floats = np.zeros(0)
     target: Floats = np.zeros(0)
     mean: Floats = np.zeros(0)
@@ -242,7 +242,7 @@ class CovHistory(NamedTuple):
     """Linear covariance over a flight, in the reporting axes of RunBlock, SI.
 
     t : (n_hist,) s since lift-off. History times.
-    formal : (n_hist, n_out). Standard deviation in the filter's own covariance.
+    formal_sigma : (n_hist, n_out). Standard deviation in the filter's own covariance.
     true_sigma : (n_hist, n_out). Standard deviation of the true error about its mean.
     mean : (n_hist, n_out). Mean of the true error.
     sources : (n_source,). Names of the error sources.
@@ -254,13 +254,14 @@ class CovHistory(NamedTuple):
     expected_nees : (n_hist,). Expected normalised estimation error squared.
     expected_nis : (n_epoch,). Expected sum of squared normalised innovations.
     false_rejection : (n_epoch,). Largest probability that the gate rejects a good scalar measurement.
-    row_ratio : (n_epoch, n_row). Expected square of each normalised innovation; 0 for measurements not processed.
+    expected_row_nis : (n_epoch, n_row). Expected square of each normalised innovation; 0 for measurements not
+        processed.
     decisions : (n_decision, 4). Fault decisions on the mean innovations, as in RunBlock.
     injection : Injection of a guided ascent; None without guidance.
     """
 
     t: Floats
-    formal: Floats
+    formal_sigma: Floats
     true_sigma: Floats
     mean: Floats
     sources: tuple[str, ...]
@@ -272,7 +273,7 @@ class CovHistory(NamedTuple):
     expected_nees: Floats
     expected_nis: Floats
     false_rejection: Floats
-    row_ratio: Floats
+    expected_row_nis: Floats
     decisions: Floats = NO_DECISIONS
     injection: InjectionLaw | None = None
 
@@ -312,7 +313,7 @@ class ProtectionRisks(NamedTuple):
 class CovarianceRequest(NamedTuple):
     """Results of linear covariance that a campaign requests for a case.
 
-    at : Event of the diagnostics; if empty, injection or else the last event.
+    event : Event of the diagnostics; if empty, injection or else the last event.
     events : Further events for the covariance by source.
     adjoint : Contribution of each source to the errors at the event, by time.
     sensitivity : Effect of each source's sigma on the errors at the event.
@@ -327,7 +328,7 @@ class CovarianceRequest(NamedTuple):
     protection : Settings of the protection levels; None: none.
     """
 
-    at: str = ""
+    event: str = ""
     events: tuple[str, ...] = ()
     adjoint: bool = True
     sensitivity: bool = False

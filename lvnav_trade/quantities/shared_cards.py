@@ -33,21 +33,21 @@ class OverFlight(Card):
     )
 
     @property
-    def over(self) -> str:
+    def independent_quantity(self) -> str:
         """The independent variable of the table, one of `QUANTITIES`."""
         return next(name for name in QUANTITIES if getattr(self, name))
 
     def _faults(self) -> Iterator[str]:
         yield from super()._faults()
-        stated = [name for name in QUANTITIES if getattr(self, name)]
-        if len(stated) != 1:
-            yield f"one of {', '.join(QUANTITIES)} is stated, not {' and '.join(stated) or 'none'}"
+        given_names = [name for name in QUANTITIES if getattr(self, name)]
+        if len(given_names) != 1:
+            yield f"one of {', '.join(QUANTITIES)} is stated, not {' and '.join(given_names) or 'none'}"
             return
-        values = getattr(self, self.over)
-        require_rising(self.over, values)
-        yield from self._unlike(values)
+        values = getattr(self, self.independent_quantity)
+        require_rising(self.independent_quantity, values)
+        yield from self._length_faults(values)
 
-    def _unlike(self, values: tuple[float, ...]) -> Iterator[str]:
+    def _length_faults(self, values: tuple[float, ...]) -> Iterator[str]:
         """Yield the input errors of columns whose length differs from that of the values (n,)."""
         return iter(())
 
@@ -63,9 +63,9 @@ class NoiseFactor(OverFlight):
     )
     of: tuple[Noisy, ...] = Field(NOISY, min_length=1, description="measurements to which the table applies")
 
-    def _unlike(self, values: tuple[float, ...]) -> Iterator[str]:
+    def _length_faults(self, values: tuple[float, ...]) -> Iterator[str]:
         if len(values) != len(self.factor):
-            yield f"{len(values)} values of {self.over} but {len(self.factor)} factors"
+            yield f"{len(values)} values of {self.independent_quantity} but {len(self.factor)} factors"
 
 
 NoiseBy = Annotated[
@@ -86,7 +86,7 @@ class Dynamics(NamedTuple):
     jerk: Floats
 
 
-def noise_factor(tables: Sequence[NoiseFactor], measurement: str, at: Dynamics) -> Floats:
+def noise_factor(tables: Sequence[NoiseFactor], measurement: str, dynamics: Dynamics) -> Floats:
     """Return the factor (n,) on the sigma of a measurement: the product over all tables of that measurement.
 
     Parameters
@@ -94,25 +94,25 @@ def noise_factor(tables: Sequence[NoiseFactor], measurement: str, at: Dynamics) 
     tables : sequence of NoiseFactor
     measurement : str
         One of `NOISY`.
-    at : Dynamics
+    dynamics : Dynamics
         Altitude, specific force and jerk at n times.
     """
-    factor = np.ones(at.altitude.size)
+    factor = np.ones(dynamics.altitude.size)
     for table in tables:
         if measurement not in table.of:
             continue
         for name in QUANTITIES:
             points = getattr(table, name)
             if points:
-                values = getattr(at, name)
+                values = getattr(dynamics, name)
                 factor = factor * np.interp(values, points, table.factor)
     return factor
 
 
-def idle_tables(tables: Sequence[NoiseFactor], measured: Collection[str]) -> list[int]:
+def idle_tables(tables: Sequence[NoiseFactor], measurements: Collection[str]) -> list[int]:
     """Return the indices of the tables whose measurements the filter does not use."""
-    processed = set(measured)
-    return [number for number, table in enumerate(tables) if not set(table.of) & processed]
+    processed_measurements = set(measurements)
+    return [number for number, table in enumerate(tables) if not set(table.of) & processed_measurements]
 
 
 class EnvelopeCard(units.Card):
@@ -144,7 +144,7 @@ class EnvelopeCard(units.Card):
     )
 
 
-def changing(card: EnvelopeCard, t: Floats, changes: Floats) -> Bools:
+def is_changing(card: EnvelopeCard, t: Floats, changes: Floats) -> Bools:
     """Return whether each time t (n,) s lies within the window around a change of phase, `changes` (k,) s, rising."""
     begin = np.searchsorted(changes, t - card.after_change, side="left")
     end = np.searchsorted(changes, t + card.before_change, side="right")

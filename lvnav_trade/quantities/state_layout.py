@@ -53,7 +53,7 @@ class ErrorTerm(NamedTuple):
     process of standard deviation `sigma`, or a constant with a random walk that starts at `sigma`.
 
     name : Physical cause of a true error; kind of a filter state, as in `PARAMETERS`.
-    part : Index of the term among the terms of that name.
+    term_index : Index of the term among the terms of that name.
     sensor : GYRO, ACCEL, or NO_SENSOR for a disturbance of the vehicle.
     driver : Quantity that it multiplies, as in `kernels.transition`.
     sigma : SI, for all axes or by axis. Initial standard deviation.
@@ -64,7 +64,7 @@ class ErrorTerm(NamedTuple):
     """
 
     name: str
-    part: int
+    term_index: int
     sensor: int
     driver: int
     sigma: PerAxis
@@ -74,7 +74,7 @@ class ErrorTerm(NamedTuple):
     offset: int = -1
 
     @property
-    def varies(self) -> bool:
+    def is_nonzero(self) -> bool:
         """Whether the error is not zero on every axis."""
         sizes = (*axes(self.sigma), *axes(self.walk))
         return max(sizes) > 0.0
@@ -163,8 +163,9 @@ class StateLayout(NamedTuple):
     """Order of the error states of a filter.
 
     Attitude, velocity and position come first (0, 3, 6), then parameters, clock and extra states, and the vehicle's
-    motion. States from `n_estimated` on are considered, not estimated, except the `n_delayed` states from `delayed` on.
-    These belong to the earlier epoch of a difference and are not reported: noise states of that epoch, then clones.
+    motion. States from `n_estimated` on are considered, not estimated, except the `n_earlier_epoch` states from
+    `earlier_epoch` on. These belong to the earlier epoch of a difference and are not reported: noise states of that
+    epoch, then clones.
 
     parameters : IMU parameters, three states each.
     clock : State of the clock bias, followed by the drift; -1 without a clock.
@@ -173,10 +174,10 @@ class StateLayout(NamedTuple):
     extras : Blocks of extra states.
     motion : First of six states of the vehicle's motion, rate (3) and specific force (3); -1 none.
     samples : Whether errors of the IMU samples are reported after those of the states.
-    delayed : First state of the earlier epoch.
-    n_delayed : Number of states of the earlier epoch.
+    earlier_epoch : First state of the earlier epoch.
+    n_earlier_epoch : Number of states of the earlier epoch.
     clone : First cloned state, -1 none.
-    cloned : States that are cloned, in the order of the clones.
+    cloned_states : States that are cloned, in the order of the clones.
     """
 
     parameters: tuple[ErrorTerm, ...]
@@ -186,17 +187,17 @@ class StateLayout(NamedTuple):
     extras: tuple[ExtraBlock, ...] = ()
     motion: int = -1
     samples: bool = False
-    delayed: int = 0
-    n_delayed: int = 0
+    earlier_epoch: int = 0
+    n_earlier_epoch: int = 0
     clone: int = -1
-    cloned: tuple[int, ...] = ()
+    cloned_states: tuple[int, ...] = ()
 
     @property
-    def reported(self) -> tuple[int, ...]:
+    def reported_states(self) -> tuple[int, ...]:
         """Indices of the states whose errors are reported."""
-        end = self.delayed + self.n_delayed
-        hidden = range(self.delayed, end)
-        return tuple(i for i in range(self.n_state) if i not in hidden)
+        end = self.earlier_epoch + self.n_earlier_epoch
+        earlier_states = range(self.earlier_epoch, end)
+        return tuple(i for i in range(self.n_state) if i not in earlier_states)
 
     @property
     def has_reduced_clock(self) -> bool:
@@ -220,7 +221,7 @@ def state_names(layout: StateLayout) -> tuple[str, ...]:
     further_states = state_outputs(layout, "inertial")[len(names) :]
     for output in further_states:
         names.append(f"{output.quantity} {output.axis}")
-    for clone, state in enumerate(layout.cloned, start=layout.clone):
+    for clone, state in enumerate(layout.cloned_states, start=layout.clone):
         names[clone] = f"delayed_{names[state]}"
     return tuple(names)
 
@@ -241,7 +242,7 @@ def outputs(layout: StateLayout, frame: str) -> tuple[Output, ...]:
     one of `AXES`.
     """
     states = state_outputs(layout, frame)
-    columns = [states[i] for i in layout.reported]
+    columns = [states[i] for i in layout.reported_states]
     if layout.samples:
         for sample in SAMPLES:
             columns += _motion_outputs(f"{sample}_")
@@ -255,7 +256,7 @@ def state_outputs(layout: StateLayout, frame: str) -> list[Output]:
     table = dict(enumerate(navigation))
     for block in layout.parameters:
         _, drivers, unit, label_unit, factor = PARAMETERS[block.name]
-        suffix = "" if len(drivers) == 1 else str(block.part + 1)
+        suffix = "" if len(drivers) == 1 else str(block.term_index + 1)
         for i, axis in enumerate("xyz"):
             state = block.offset + i
             table[state] = Output(block.name, axis + suffix, unit, label_unit, factor)
@@ -269,7 +270,7 @@ def state_outputs(layout: StateLayout, frame: str) -> list[Output]:
     if layout.motion >= 0:
         motion = enumerate(_motion_outputs(""), start=layout.motion)
         table.update(motion)
-    for clone, state in enumerate(layout.cloned, start=layout.clone):
+    for clone, state in enumerate(layout.cloned_states, start=layout.clone):
         table[clone] = table[state]
     return [table[i] for i in range(layout.n_state)]
 

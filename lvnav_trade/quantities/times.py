@@ -49,13 +49,13 @@ def gps_seconds(epoch: str) -> float:
 
 def utc_of(seconds: float) -> datetime:
     """Return the time in UTC at seconds of GPS time since 1980-01-06 00:00; during a leap second the next midnight."""
-    counted = GPS_ORIGIN + timedelta(seconds=seconds)
-    leaps = leap_seconds(counted)
-    while leaps and counted - timedelta(seconds=leaps) < LEAP_DAYS[leaps - 1]:  # the last leap second is still ahead
-        if counted - timedelta(seconds=leaps - 1) >= LEAP_DAYS[leaps - 1]:
+    gps_time = GPS_ORIGIN + timedelta(seconds=seconds)
+    leaps = leap_seconds(gps_time)
+    while leaps and gps_time - timedelta(seconds=leaps) < LEAP_DAYS[leaps - 1]:  # the last leap second is still ahead
+        if gps_time - timedelta(seconds=leaps - 1) >= LEAP_DAYS[leaps - 1]:
             return LEAP_DAYS[leaps - 1]
         leaps -= 1
-    return counted - timedelta(seconds=leaps)
+    return gps_time - timedelta(seconds=leaps)
 
 
 def utc_after(epoch: str, seconds: float) -> str:
@@ -67,9 +67,9 @@ def utc_after(epoch: str, seconds: float) -> str:
     start = utc_time(epoch)
     if start == UNIX_ORIGIN:
         return (start + timedelta(seconds=seconds)).isoformat()
-    elapsed = (start - GPS_ORIGIN).total_seconds()
-    counted = elapsed + leap_seconds(start) + seconds
-    return utc_of(counted).isoformat()
+    utc_seconds = (start - GPS_ORIGIN).total_seconds()
+    gps_seconds_after = utc_seconds + leap_seconds(start) + seconds
+    return utc_of(gps_seconds_after).isoformat()
 
 
 def utc_time(epoch: str) -> datetime:
@@ -81,8 +81,8 @@ def utc_time(epoch: str) -> datetime:
     return moment.replace(tzinfo=UTC) if moment.tzinfo is None else moment.astimezone(UTC)
 
 
-def resolve_week(week: int, seconds: float, near: float, rollover: int = WEEK_ROLLOVER) -> float:
-    """Return s of GPS time for a week number and seconds of week, in the era closest to the time `near` (s).
+def resolve_week(week: int, seconds: float, reference_time: float, rollover: int = WEEK_ROLLOVER) -> float:
+    """Return s of GPS time for a week number and seconds of week, in the era closest to the time `reference_time` (s).
 
     A week number of `rollover` or more is complete; a smaller number is truncated, as satellites send it.
 
@@ -92,14 +92,14 @@ def resolve_week(week: int, seconds: float, near: float, rollover: int = WEEK_RO
     if week >= rollover:
         return time
     era = rollover * SECONDS_PER_WEEK
-    n_era = round((near - time) / era)
+    n_era = round((reference_time - time) / era)
     return time + era * max(0, n_era)
 
 
-def resolve_beidou_week(week: int, seconds: float, near: float) -> float:
+def resolve_beidou_week(week: int, seconds: float, reference_time: float) -> float:
     """Return s of GPS time for week number and seconds of week of BeiDou time; as `resolve_week`, of 256-week eras."""
-    ahead = BDT_WEEKS * SECONDS_PER_WEEK + BDT_BEHIND
-    return resolve_week(week, seconds, near - ahead, BDT_TRUNCATED) + ahead
+    bdt_offset = BDT_WEEKS * SECONDS_PER_WEEK + BDT_BEHIND
+    return resolve_week(week, seconds, reference_time - bdt_offset, BDT_TRUNCATED) + bdt_offset
 
 
 _CLEAR = 2.0  # smallest grid width in roundings: n random rows fit such a grid with probability 2^-n
@@ -115,21 +115,21 @@ class RestoredTimes(NamedTuple):
 
     column : (n,), unit of the file. Times on their grid, or unchanged.
     note : Remark for the user; empty if the column is unchanged.
-    apart : Unit of the file. Largest distance between neighbouring numbers of single precision in the column; zero
+    spacing : Unit of the file. Largest distance between neighbouring numbers of single precision in the column; zero
         where the column has all digits or is on its grid again.
     """
 
     column: Floats
     note: str
-    apart: float
+    spacing: float
 
     @property
     def sigma(self) -> float:
         """One sigma of the remaining rounding error, in the unit of the column."""
-        return self.apart / math.sqrt(12.0)
+        return self.spacing / math.sqrt(12.0)
 
 
-def restored(column: Floats, unit: str) -> RestoredTimes:
+def restore_time_stamps(column: Floats, unit: str) -> RestoredTimes:
     """Return time stamps (n,) with the rounding to single precision removed.
 
     It is removed if every time is within rounding of a grid of decimal digits or of even intervals, and the grid is
@@ -137,23 +137,25 @@ def restored(column: Floats, unit: str) -> RestoredTimes:
 
     unit : Unit of the column, for the remark.
     """
-    as_is = RestoredTimes(column, "", 0.0)
+    unchanged_times = RestoredTimes(column, "", 0.0)
     with np.errstate(over="ignore", invalid="ignore"):
         single = column.astype(np.float32)
     if column.size < 2 or not np.all(np.isfinite(single)) or not _is_single(column, single):
-        return as_is
-    near = np.abs(np.spacing(single)).astype(float)  # of each number from the next
-    apart = float(np.max(near))
-    remark = f"time stamps of single precision, up to {apart:.2g} {unit} apart"
-    grid = _grid(column, near, apart)
+        return unchanged_times
+    spacings = np.abs(np.spacing(single)).astype(float)  # of each number from the next
+    largest_spacing = float(np.max(spacings))
+    remark = f"time stamps of single precision, up to {largest_spacing:.2g} {unit} apart"
+    grid = _grid(column, spacings, largest_spacing)
     if grid is None:
-        least_width = _CLEAR * apart
+        least_width = _CLEAR * largest_spacing
         ticks = column / least_width
         if np.all(ticks == np.rint(ticks)):  # a clock of binary ticks
-            return as_is
-        return RestoredTimes(column, f"{remark}, fit no grid: the noise of the rows includes their rounding", apart)
-    if np.max(np.abs(grid - column)) <= _MEANT * apart:
-        return as_is
+            return unchanged_times
+        return RestoredTimes(
+            column, f"{remark}, fit no grid: the noise of the rows includes their rounding", largest_spacing
+        )
+    if np.max(np.abs(grid - column)) <= _MEANT * largest_spacing:
+        return unchanged_times
     return RestoredTimes(grid, f"{remark}, are restored to the grid that they were rounded from", 0.0)
 
 
@@ -179,29 +181,29 @@ def _digit_count(number: float) -> int:
     return len(mantissa.replace(".", "").strip("0"))
 
 
-def _grid(column: Floats, near: Floats, apart: float) -> Floats | None:
+def _grid(column: Floats, spacings: Floats, largest_spacing: float) -> Floats | None:
     """Return the nearest points (n,) of a wide grid that fits the column within rounding; None without such a grid."""
     for digits in _DIGITS:
-        if 10.0**-digits < _CLEAR * apart:
+        if 10.0**-digits < _CLEAR * largest_spacing:
             break
         grid = np.round(column, digits)
-        if np.all(np.abs(grid - column) <= _HALF * near):
+        if np.all(np.abs(grid - column) <= _HALF * spacings):
             return np.asarray(grid)
     # even intervals: a line fitted to the times by the number of intervals since the first
     intervals = np.diff(column)
-    usual = float(np.median(intervals))
-    if usual < _CLEAR * apart:
+    median_interval = float(np.median(intervals))
+    if median_interval < _CLEAR * largest_spacing:
         return None
-    steps = np.rint(intervals / usual)
+    steps = np.rint(intervals / median_interval)
     count = np.concatenate([[0.0], np.cumsum(steps)])
     if count[-1] < 1.0:
         return None
     start = column[0]
     slope, base = np.polyfit(count, column - start, 1)
     grid = start + base + slope * count
-    return grid if np.all(np.abs(grid - column) <= near) else None
+    return grid if np.all(np.abs(grid - column) <= spacings) else None
 
 
-def coarse(apart: float, unit: str) -> str:
-    """Return the message about repeated times of single precision; apart : spacing of such numbers, in `unit`."""
-    return f"single precision resolves {apart:.3g} {unit} here; write more digits, or count from a later zero"
+def coarse_message(spacing: float, unit: str) -> str:
+    """Return the message about repeated times of single precision, whose numbers are `spacing` apart (in `unit`)."""
+    return f"single precision resolves {spacing:.3g} {unit} here; write more digits, or count from a later zero"

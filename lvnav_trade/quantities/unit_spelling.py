@@ -157,21 +157,21 @@ _LIST = (
 )
 
 
-def _spellings(listed: _UnitSpellings) -> Iterator[tuple[str, Powers]]:
+def _spellings(entry: _UnitSpellings) -> Iterator[tuple[str, Powers]]:
     """Yield every spelling of a unit with its size."""
-    symbols = listed.symbols.split()
+    symbols = entry.symbols.split()
     words = []
-    for word in listed.words.split():
+    for word in entry.words.split():
         words.append(word)
         if not word.endswith(("s", "z")):
             words.append(word + "s")
     for name in (*symbols, *words):
-        yield name, listed.size
-    for prefix in listed.prefixes:
+        yield name, entry.size
+    for prefix in entry.prefixes:
         prefix_word, factor = _PREFIXES[prefix]
         # the prefix first: the order in which numbers are multiplied decides the last bit
-        size = {factor: 1.0, **listed.size}
-        size[factor] = 1.0 + listed.size.get(factor, 0.0)
+        size = {factor: 1.0, **entry.size}
+        size[factor] = 1.0 + entry.size.get(factor, 0.0)
         letters = MICRO if prefix == "u" else prefix
         for name in symbols:
             for letter in letters:
@@ -180,7 +180,7 @@ def _spellings(listed: _UnitSpellings) -> Iterator[tuple[str, Powers]]:
             yield prefix_word + name, size
 
 
-def _listed(entries: Iterable[_UnitSpellings]) -> Iterator[tuple[str, Unit]]:
+def _units_by_spelling(entries: Iterable[_UnitSpellings]) -> Iterator[tuple[str, Unit]]:
     for entry in entries:
         for name, size in _spellings(entry):
             yield name, Unit(size, entry.dimension, entry.offset)
@@ -189,7 +189,7 @@ def _listed(entries: Iterable[_UnitSpellings]) -> Iterator[tuple[str, Unit]]:
 @cache
 def units() -> Mapping[str, Unit]:
     """Return every unit of the list by each of its spellings."""
-    return dict(_listed(_LIST))
+    return dict(_units_by_spelling(_LIST))
 
 
 AMBIGUOUS = {
@@ -212,24 +212,24 @@ _DEEPEST = 10  # brackets within each other
 
 
 class UnknownUnitError(ValueError):
-    """An unknown unit: `part` is the part of the text that is unknown, `remedy` a suggestion."""
+    """An unknown unit: `unknown_text` is the part of the text that is unknown, `remedy` a suggestion."""
 
-    def __init__(self, part: str, remedy: str = "") -> None:
-        super().__init__(part)
-        self.part = part
+    def __init__(self, unknown_text: str, remedy: str = "") -> None:
+        super().__init__(unknown_text)
+        self.unknown_text = unknown_text
         self.remedy = remedy
 
 
 class Product(NamedTuple):
     """A product of units.
 
-    above, below : Numbers in numerator and denominator of its size in SI, each with its power (> 0).
+    numerator, denominator : Numbers in numerator and denominator of its size in SI, each with its power (> 0).
     dimension : Powers of the base units.
     offset : K. Offset of a temperature scale, if it is the only factor.
     """
 
-    above: Mapping[float, float]
-    below: Mapping[float, float]
+    numerator: Mapping[float, float]
+    denominator: Mapping[float, float]
     dimension: Dimension
     offset: float
 
@@ -237,32 +237,32 @@ class Product(NamedTuple):
 @lru_cache(maxsize=4096)
 def product(text: str) -> Product:
     """Return the product of units in a text; `UnknownUnitError` names the part that is unknown."""
-    spelled = _SUPERSCRIPT.sub(lambda match: f"^{match[0].translate(_RAISED)}", text)
-    spelled = spelled.translate(_SIGNS).replace("\u00bd", "^0.5")
-    reader = _UnitParser(text, spelled)
+    normalised_text = _SUPERSCRIPT.sub(lambda match: f"^{match[0].translate(_RAISED)}", text)
+    normalised_text = normalised_text.translate(_SIGNS).replace("\u00bd", "^0.5")
+    reader = _UnitParser(text, normalised_text)
     factors = reader.factors(0)
-    if reader.at < len(spelled):
+    if reader.position < len(normalised_text):
         raise UnknownUnitError(text)
-    above: dict[float, float] = {}
-    below: dict[float, float] = {}
+    numerator: dict[float, float] = {}
+    denominator: dict[float, float] = {}
     dimension: dict[str, float] = {}
     for unit, exponent in factors:
         for number, power in unit.size.items():
             total = power * exponent
             if total > 0.0:
-                above[number] = above.get(number, 0.0) + total
+                numerator[number] = numerator.get(number, 0.0) + total
             else:
-                below[number] = below.get(number, 0.0) - total
+                denominator[number] = denominator.get(number, 0.0) - total
         for base, power in unit.dimension.items():
             total = power * exponent
             dimension[base] = dimension.get(base, 0.0) + total
-    remaining = {base: power for base, power in dimension.items() if power != 0.0}
+    remaining_powers = {base: power for base, power in dimension.items() if power != 0.0}
     offset = 0.0
     if len(factors) == 1:
         unit, exponent = factors[0]
         if exponent == 1.0:
             offset = unit.offset
-    return Product(above, below, remaining, offset)
+    return Product(numerator, denominator, remaining_powers, offset)
 
 
 def conversion(source: Product, target: Product) -> float:
@@ -270,31 +270,31 @@ def conversion(source: Product, target: Product) -> float:
 
     Numbers in numerator and denominator cancel before the multiplication, so that the factor is exact where possible.
     """
-    above = dict(source.above)
-    below = dict(source.below)
-    for number, power in target.above.items():
-        below[number] = below.get(number, 0.0) + power
-    for number, power in target.below.items():
-        above[number] = above.get(number, 0.0) + power
-    for number in above.keys() & below.keys():
-        common = min(above[number], below[number])
-        above[number] -= common
-        below[number] -= common
+    numerator = dict(source.numerator)
+    denominator = dict(source.denominator)
+    for number, power in target.numerator.items():
+        denominator[number] = denominator.get(number, 0.0) + power
+    for number, power in target.denominator.items():
+        numerator[number] = numerator.get(number, 0.0) + power
+    for number in numerator.keys() & denominator.keys():
+        common = min(numerator[number], denominator[number])
+        numerator[number] -= common
+        denominator[number] -= common
     factor = 1.0
-    for number, power in above.items():
+    for number, power in numerator.items():
         factor *= number**power
-    for number, power in below.items():
+    for number, power in denominator.items():
         factor *= number**-power
     return factor
 
 
 class _UnitParser:
-    """Parser of the factors of `spelled`, the normalised form of `text` as the user wrote it."""
+    """Parser of the factors of `normalised_text`, the normalised form of `text` as the user wrote it."""
 
-    def __init__(self, text: str, spelled: str) -> None:
+    def __init__(self, text: str, normalised_text: str) -> None:
         self.text = text
-        self.spelled = spelled
-        self.at = 0
+        self.normalised_text = normalised_text
+        self.position = 0
         self.depth = 0
 
     def factors(self, depth: int) -> list[tuple[Unit, float]]:
@@ -302,39 +302,39 @@ class _UnitParser:
         if depth > _DEEPEST:
             raise UnknownUnitError(self.text)
         factors = self._power(depth)
-        while self.at < len(self.spelled) and self.spelled[self.at] in "*/":
-            is_quotient = self.spelled[self.at] == "/"
+        while self.position < len(self.normalised_text) and self.normalised_text[self.position] in "*/":
+            is_quotient = self.normalised_text[self.position] == "/"
             sign = -1.0 if is_quotient else 1.0
-            self.at += 1
-            following = self._power(depth)
-            factors += [(unit, sign * exponent) for unit, exponent in following]
+            self.position += 1
+            next_factors = self._power(depth)
+            factors += [(unit, sign * exponent) for unit, exponent in next_factors]
         return factors
 
     def _power(self, depth: int) -> list[tuple[Unit, float]]:
-        root = self._taken(_ROOT)
+        root = self._match(_ROOT)
         factors = self._atom(depth)
         exponent = 0.5 if root else 1.0
-        written = self._taken(_EXPONENT)
-        if written:
-            above, _, below = (written[1] or written[2]).partition("/")
-            numerator = float(above)
-            exponent *= numerator / float(below or 1)
+        exponent_match = self._match(_EXPONENT)
+        if exponent_match:
+            numerator_text, _, denominator_text = (exponent_match[1] or exponent_match[2]).partition("/")
+            numerator = float(numerator_text)
+            exponent *= numerator / float(denominator_text or 1)
             if abs(numerator) > EXPONENT:
                 raise UnknownUnitError(self.text)
         return [(unit, exponent * power) for unit, power in factors]
 
     def _atom(self, depth: int) -> list[tuple[Unit, float]]:
-        if self.spelled.startswith("1/", self.at):
-            self.at += 1
+        if self.normalised_text.startswith("1/", self.position):
+            self.position += 1
             return []
-        if self.spelled.startswith("(", self.at):
-            self.at += 1
-            inside = self.factors(depth + 1)
-            if not self.spelled.startswith(")", self.at):
+        if self.normalised_text.startswith("(", self.position):
+            self.position += 1
+            inner_factors = self.factors(depth + 1)
+            if not self.normalised_text.startswith(")", self.position):
                 raise UnknownUnitError(self.text)
-            self.at += 1
-            return inside
-        match = self._taken(_NAME)
+            self.position += 1
+            return inner_factors
+        match = self._match(_NAME)
         if match is None or not match[0]:
             raise UnknownUnitError(self.text)
         name = match[0]
@@ -344,8 +344,8 @@ class _UnitParser:
             raise UnknownUnitError(name)
         return [(units()[name], 1.0)]
 
-    def _taken(self, pattern: re.Pattern[str]) -> re.Match[str] | None:
-        match = pattern.match(self.spelled, self.at)
+    def _match(self, pattern: re.Pattern[str]) -> re.Match[str] | None:
+        match = pattern.match(self.normalised_text, self.position)
         if match is not None:
-            self.at = match.end()
+            self.position = match.end()
         return match

@@ -27,7 +27,7 @@ from lvnav_trade.quantities.errors import quoted
 from lvnav_trade.quantities.input_files import DECIMAL as _NUMBER
 from lvnav_trade.quantities.input_files import is_plain
 from lvnav_trade.quantities.input_limits import LARGEST, LARGEST_ELSE, QUANTITY_LENGTH, SMALLEST, YEARS
-from lvnav_trade.quantities.marks import ASSUMED, SECOND_HAND, Marks, misnamed
+from lvnav_trade.quantities.marks import ASSUMED, SECOND_HAND, Marks, mark_faults
 from lvnav_trade.quantities.unit_spelling import UnknownUnitError, conversion, product
 
 _SIZE = r"\u00b1|\+/-|\+-"
@@ -63,7 +63,7 @@ def parse(text: str, unit: str, has_sign: bool = True) -> float:
     ------
     ValueError
         The text is no quantity, the unit is unknown or of another dimension (an angle is a dimension), the number is
-        not finite or beyond `limits.LARGEST`, or a temperature is below absolute zero. The message has one line.
+        not finite or beyond `input_limits.LARGEST`, or a temperature is below absolute zero. The message has one line.
     """
     if len(text) > QUANTITY_LENGTH:
         raise ValueError(f"{quoted(text)} is not a quantity: {len(text)} characters, at most {QUANTITY_LENGTH}")
@@ -74,7 +74,7 @@ def parse(text: str, unit: str, has_sign: bool = True) -> float:
         raise ValueError(f"{text!r} has both signs where the quantity has one; write one number")
     value = float(match["number"])
     if math.isfinite(value):
-        value = _converted(text, value, match["unit"], unit)
+        value = _convert(text, value, match["unit"], unit)
     if not math.isfinite(value):
         raise ValueError(f"{text!r} is not a finite quantity")
     largest = LARGEST.get(unit, LARGEST_ELSE)
@@ -97,28 +97,31 @@ def _no_quantity(text: str, unit: str) -> str:
     number, _, _ = text.partition(" ")
     foreign = [char for char in number if not char.isascii() and char not in "\u00b1\u00b0\u00b5\u03bc"]
     if foreign:
-        named = f"U+{ord(foreign[0]):04X} {unicodedata.name(foreign[0], 'without a name')}"
-        return f"{quoted(text)} is not a quantity: {named}; write digits 0 to 9, '-' and a space, as in '-0.5 deg/h'"
+        character_name = f"U+{ord(foreign[0]):04X} {unicodedata.name(foreign[0], 'without a name')}"
+        advice = "write digits 0 to 9, '-' and a space, as in '-0.5 deg/h'"
+        return f"{quoted(text)} is not a quantity: {character_name}; {advice}"
     if _BARE.fullmatch(text):
         return f"{quoted(text)} has no unit; write it as a quantity in a unit of {example(unit)}"
-    unspaced = _BESIDE.fullmatch(text)
-    sample = f"{unspaced[1]} {unspaced[2]}" if unspaced else "0.5 deg/h"
-    more = "; write a decimal point, and no thousands separators" if _SEPARATED.match(text) else ""
-    return f"{quoted(text)} is not a quantity: a number, one space and a unit, such as {sample!r}{more}"
+    unspaced_match = _BESIDE.fullmatch(text)
+    sample = f"{unspaced_match[1]} {unspaced_match[2]}" if unspaced_match else "0.5 deg/h"
+    separator_hint = "; write a decimal point, and no thousands separators" if _SEPARATED.match(text) else ""
+    return f"{quoted(text)} is not a quantity: a number, one space and a unit, such as {sample!r}{separator_hint}"
 
 
-def _converted(text: str, value: float, spelled: str, unit: str) -> float:
-    """Return a value in the unit `spelled` converted to SI `unit`."""
+def _convert(text: str, value: float, unit_text: str, unit: str) -> float:
+    """Return a value in the unit `unit_text` converted to SI `unit`."""
     if unit in _LEVELS:
-        if spelled not in _LEVELS[unit]:
+        if unit_text not in _LEVELS[unit]:
             raise ValueError(f"{text!r} has the wrong unit; expected {unit}")
-        return value + _LEVELS[unit][spelled]
+        return value + _LEVELS[unit][unit_text]
     try:
-        source, target = product(spelled), product(unit)
+        source, target = product(unit_text), product(unit)
     except UnknownUnitError as error:
         if error.remedy:
-            raise ValueError(f"{text!r}: {error.part!r} {error.remedy}") from None
-        raise ValueError(f"{text!r} has no unit that is known ({error.part!r}); expected {example(unit)}") from None
+            raise ValueError(f"{text!r}: {error.unknown_text!r} {error.remedy}") from None
+        raise ValueError(
+            f"{text!r} has no unit that is known ({error.unknown_text!r}); expected {example(unit)}"
+        ) from None
     if source.dimension != target.dimension:
         raise ValueError(f"{text!r} has the wrong unit; expected {example(unit)}")
     try:
@@ -172,39 +175,39 @@ def example(unit: str) -> str:
     return EXAMPLES.get(unit, unit)
 
 
-def quantity(unit: str, minimum: float | None = None, above: float | None = None) -> Any:
+def quantity(unit: str, minimum: float | None = None, exclusive_minimum: float | None = None) -> Any:
     """Return the pydantic annotation of a float in SI `unit` that a card writes with a unit.
 
-    The value must be at least `minimum` and greater than `above` (both SI). Dumped in JSON mode it becomes text again
-    (``"0.0003 m/s"``), which is read back to the same number.
+    The value must be at least `minimum` and greater than `exclusive_minimum` (both SI). Dumped in JSON mode it becomes
+    text again (``"0.0003 m/s"``), which is read back to the same number.
     """
-    has_sign = not any(bound is not None and bound >= 0.0 for bound in (minimum, above))
+    has_sign = not any(bound is not None and bound >= 0.0 for bound in (minimum, exclusive_minimum))
     return Annotated[
         float,
         BeforeValidator(lambda value: read(value, unit, has_sign)),
         PlainSerializer(lambda value: f"{value!r} {unit}", return_type=str, when_used="json"),
         WithJsonSchema({"type": ["string", "number"], "description": f"quantity with a unit: {example(unit)}"}),
-        Field(ge=minimum, gt=above, allow_inf_nan=False),
+        Field(ge=minimum, gt=exclusive_minimum, allow_inf_nan=False),
     ]
 
 
-def at_most(annotation: Any, largest: float, written: str) -> Any:
-    """Return the annotation of a quantity of at most `largest` (SI), which messages print as `written`."""
+def at_most(annotation: Any, largest: float, limit_text: str) -> Any:
+    """Return the annotation of a quantity of at most `largest` (SI), which messages print as `limit_text`."""
 
     def check(value: Any) -> Any:
         if max(value if isinstance(value, tuple) else (value,)) > largest * (1.0 + 1e-9):
-            raise ValueError(f"is too large for such a device; at most {written}")
+            raise ValueError(f"is too large for such a device; at most {limit_text}")
         return value
 
     return Annotated[annotation, AfterValidator(check)]
 
 
-def at_least(annotation: Any, least: float, written: str) -> Any:
-    """Return the annotation of a quantity of at least `least` (SI), which messages print as `written`."""
+def at_least(annotation: Any, smallest: float, limit_text: str) -> Any:
+    """Return the annotation of a quantity of at least `smallest` (SI), which messages print as `limit_text`."""
 
     def check(value: float) -> float:
-        if value < least * (1.0 - 1e-9):
-            raise ValueError(f"is too small for such a device; at least {written}")
+        if value < smallest * (1.0 - 1e-9):
+            raise ValueError(f"is too small for such a device; at least {limit_text}")
         return value
 
     return Annotated[annotation, AfterValidator(check)]
@@ -221,18 +224,18 @@ def read(value: Any, unit: str, has_sign: bool = True) -> float:
     raise ValueError(f"{quoted(value)} has no unit; write it as a quantity in a unit of {example(unit)}")
 
 
-def _stricter(schema: Any) -> Any:
+def _strict_schema(schema: Any) -> Any:
     """Return a schema whose numbers reject booleans, and whose lists of literals reject repetitions."""
     if isinstance(schema, list):
-        return [_stricter(item) for item in schema]
+        return [_strict_schema(item) for item in schema]
     if not isinstance(schema, dict) or schema.get("type") == "model":
         return schema
-    strict: Any = {key: value if key == "serialization" else _stricter(value) for key, value in schema.items()}
+    strict: Any = {key: value if key == "serialization" else _strict_schema(value) for key, value in schema.items()}
     if strict.get("type") in ("int", "float"):
         return core_schema.no_info_before_validator_function(_plain_number, strict)
     items = strict.get("items_schema") if strict.get("type") == "tuple" else None
     if isinstance(items, list) and len(items) == 1 and items[0].get("type") == "literal":
-        return core_schema.no_info_after_validator_function(distinct, strict)
+        return core_schema.no_info_after_validator_function(require_distinct, strict)
     return strict
 
 
@@ -247,7 +250,7 @@ def _plain_number(value: Any) -> Any:
     return value
 
 
-def distinct(values: Sequence[Any]) -> Sequence[Any]:
+def require_distinct(values: Sequence[Any]) -> Sequence[Any]:
     """Return the values; ValueError if a value is listed twice."""
     for index, value in enumerate(values):
         if value in values[:index]:
@@ -257,7 +260,7 @@ def distinct(values: Sequence[Any]) -> Sequence[Any]:
 
 def require_rising(name: str, values: Sequence[float]) -> None:
     """Raise ValueError if a column of a card does not rise from entry to entry."""
-    if any(later <= earlier for earlier, later in pairwise(values)):
+    if any(next_value <= previous_value for previous_value, next_value in pairwise(values)):
         raise ValueError(f"{name} must rise from entry to entry")
 
 
@@ -274,7 +277,7 @@ class Card(BaseModel):
         return ()
 
     @model_validator(mode="after")
-    def _possible(self) -> Self:
+    def _check_faults(self) -> Self:
         for fault in self._faults():
             raise ValueError(fault)
         return self
@@ -286,7 +289,7 @@ class Card(BaseModel):
         model: Any = handler.resolve_ref_schema(schema)
         while model["type"] != "model":  # validators of the whole model wrap its schema
             model = model["schema"]
-        model["schema"] = _stricter(model["schema"])
+        model["schema"] = _strict_schema(model["schema"])
         return schema
 
 
@@ -299,9 +302,9 @@ class NamedCard(Card):
     second_hand: Marks = SECOND_HAND
 
     @model_validator(mode="after")
-    def _marked(self) -> Self:
-        for wrong in misnamed(self):
-            raise ValueError(wrong)
+    def _check_marks(self) -> Self:
+        for fault in mark_faults(self):
+            raise ValueError(fault)
         return self
 
 
@@ -337,7 +340,7 @@ SignedFraction = quantity("dimensionless")
 Mass = quantity("kg", minimum=0.0)
 Power = quantity("W", minimum=0.0)
 Volume = quantity("m**3", minimum=0.0)
-Hours = quantity("s", above=0.0)
+Hours = quantity("s", exclusive_minimum=0.0)
 Area = quantity("m**2", minimum=0.0)
 Pause = quantity("s", minimum=0.0)
 LengthSigma = quantity("m", minimum=0.0)
@@ -367,17 +370,17 @@ JerkGain = quantity("1/s**2", minimum=0.0)
 RangeGain = quantity("m*s**2", minimum=0.0)
 
 # Quantities above zero, because they divide
-Frequency = quantity("Hz", above=0.0)
-TimeConstant = quantity("s", above=0.0)
-Force = quantity("N", above=0.0)
-Pressure = quantity("Pa", above=0.0)
-ScaleHeight = quantity("m", above=0.0)
+Frequency = quantity("Hz", exclusive_minimum=0.0)
+TimeConstant = quantity("s", exclusive_minimum=0.0)
+Force = quantity("N", exclusive_minimum=0.0)
+Pressure = quantity("Pa", exclusive_minimum=0.0)
+ScaleHeight = quantity("m", exclusive_minimum=0.0)
 
 # Limits of either sign: of deflection, full scale.
-AngleLimit = quantity("rad", above=0.0)
+AngleLimit = quantity("rad", exclusive_minimum=0.0)
 # Of sensors: below these a gyro is clipped by any manoeuvre, an accelerometer by a tenth of gravity
-AngularRateLimit = at_least(quantity("rad/s", above=0.0), math.pi / 180.0, "1 deg/s")
-AccelerationLimit = at_least(quantity("m/s**2", above=0.0), 0.980665, "0.1 g")
+AngularRateLimit = at_least(quantity("rad/s", exclusive_minimum=0.0), math.pi / 180.0, "1 deg/s")
+AccelerationLimit = at_least(quantity("m/s**2", exclusive_minimum=0.0), 0.980665, "0.1 g")
 # Rates of sensors and filters
 StepRate = at_most(Frequency, 2e4, "20 kHz")
 # Sigma of an attitude, at most half a turn

@@ -8,16 +8,16 @@ from typing import Any, NamedTuple
 import pandas as pd
 
 from lvnav_trade.campaign.syntax import tree
-from lvnav_trade.campaign.syntax.card_lookup import shipped
+from lvnav_trade.campaign.syntax.card_lookup import tool_folder
 from lvnav_trade.quantities.error_sources import fields_of
 from lvnav_trade.quantities.errors import InputError
 from lvnav_trade.quantities.state_layout import EXTRAS, PARAMETERS, split_metric
 from lvnav_trade.quantities.units import parse
-from lvnav_trade.report.blocks import among, number, words
+from lvnav_trade.report.blocks import join_names, number, words
 from lvnav_trade.report.sentences import say
 from lvnav_trade.results.evaluation import METRICS
 from lvnav_trade.results.evaluation.resources import scenario_of
-from lvnav_trade.results.metric import where
+from lvnav_trade.results.metric import event_or_phase
 from lvnav_trade.results.tables.read import Tables
 
 # Unit of a datasheet for a field, by the SI unit of the field in resolved campaigns
@@ -74,10 +74,10 @@ def advice(tables: Tables, row: Any) -> str:
     scenario = scenario_of(tables, digests[row.case])
     requirements = {str(requirement["name"]): requirement for requirement in tables.campaign["requirements"]}
     requirement = requirements[row.requirement]
-    together = ""
+    joint_remark = ""
     limits = row.remark
     if row.remark.startswith("together"):
-        together, _, limits = row.remark.partition("; ")
+        joint_remark, _, limits = row.remark.partition("; ")
     is_joint = "," in row.source
     change, model = "", ""
     if not is_joint:
@@ -85,7 +85,7 @@ def advice(tables: Tables, row: Any) -> str:
         missing = missing_state(scenario, row.source, row.share_ratio)
         model = "" if missing is None else _filter(missing)
     if not change:
-        change = say("size", percent=f"{100.0 * row.factor_ratio:.3g}", together=bool(together))
+        change = say("size", percent=f"{100.0 * row.factor_ratio:.3g}", together=bool(joint_remark))
     return say(
         "comply",
         case=row.case,
@@ -94,7 +94,7 @@ def advice(tables: Tables, row: Any) -> str:
         size=change,
         share=f"{100.0 * row.share_ratio:.0f}",
         quantity=words(split_metric(str(requirement["metric"]))[0]),
-        event="" if requirement.get("during") else words(where(requirement)),
+        event="" if requirement.get("during") else words(event_or_phase(requirement)),
         is_one=not is_joint,
         limits=limits,
     )
@@ -114,7 +114,7 @@ def _filter(missing: MissingState) -> str:
     return say("model", card=missing.card, state=missing.state, source=_error(missing.source, frozenset()))
 
 
-def unmodelled(tables: Tables, cases: Sequence[str]) -> tuple[str, list[MissingState]]:
+def missing_states(tables: Tables, cases: Sequence[str]) -> tuple[str, list[MissingState]]:
     """Return the designs whose filter does not model the dominating error source.
 
     The error is that of the first requirement, or the velocity error at injection without requirements. The source is
@@ -158,14 +158,14 @@ def unmodelled(tables: Tables, cases: Sequence[str]) -> tuple[str, list[MissingS
     if largest is None:
         return error, []
 
-    lacking = []
+    all_missing = []
     for case, case_shares in shares.items():
         share = float(case_shares.get(largest.source, 0.0))
         scenario = scenario_of(tables, case)
-        missing = missing_state(scenario, largest.source, share, least=0.0)
+        missing = missing_state(scenario, largest.source, share, smallest_share=0.0)
         if missing is not None:
-            lacking.append(missing)
-    return error, lacking
+            all_missing.append(missing)
+    return error, all_missing
 
 
 def _shares(tables: Tables, case: str, quantity: str, event: str) -> pd.Series:
@@ -197,7 +197,7 @@ def _shares(tables: Tables, case: str, quantity: str, event: str) -> pd.Series:
 
 
 def missing_state(
-    scenario: Mapping[str, Any], source: str, share: float, least: float = DOMINATING
+    scenario: Mapping[str, Any], source: str, share: float, smallest_share: float = DOMINATING
 ) -> MissingState | None:
     """Return the state that the filter of a scenario lacks for an error source.
 
@@ -209,23 +209,23 @@ def missing_state(
         Error source.
     share : float
         Share of the source in the mean square, 0 to 1.
-    least : float
+    smallest_share : float
         Smallest share that is reported.
 
     Returns
     -------
     MissingState or None
-        None if the filter models the source, if no state models it, or if the share is below `least`.
+        None if the filter models the source, if no state models it, or if the share is below `smallest_share`.
     """
     card = scenario.get("filter") or {}
     state = _first_state(source)
-    modelled = {*card.get("extra_states", ()), *card.get("consider", ()), *card.get("as_noise", ())}
-    if share < least or not state or state in modelled:
+    modelled_states = {*card.get("extra_states", ()), *card.get("consider", ()), *card.get("as_noise", ())}
+    if share < smallest_share or not state or state in modelled_states:
         return None
-    required = {*modelled, state}
+    required_states = {*modelled_states, state}
     measurements = frozenset(card.get("measurements", ()))
     for name, card_measurements, states in _filter_cards():
-        if card_measurements == measurements and required <= states:
+        if card_measurements == measurements and required_states <= states:
             return MissingState(source, share, state, name)
     return MissingState(source, share, state, "")
 
@@ -257,12 +257,12 @@ def _filter_cards() -> list[tuple[str, frozenset[str], frozenset[str]]]:
     Cards of a publication (recognised by their number) are omitted.
     """
     cards = []
-    folder = shipped("configs")
+    folder = tool_folder("configs")
     for file in sorted((folder / "filters").glob("*.yaml")):
         if _OF_A_STUDY.search(file.stem):
             continue
         try:
-            card = tree.plain(tree.read_mapping(file))
+            card = tree.plain_data(tree.read_mapping(file))
         except InputError:
             continue
         states = frozenset(card.get("extra_states") or ())
@@ -283,7 +283,7 @@ def _error(source: str, dispersions: frozenset[str]) -> str:
     if len(names) > 1:
         nouns = [f"{name} dispersion" if name in dispersions else name for name in names]
         if len(nouns) > _FEW:
-            return among(nouns, _FEW - 1)
+            return join_names(nouns, _FEW - 1)
         return f"{', '.join(nouns[:-1])} and {nouns[-1]}"
     if source in dispersions:
         return f"{source} dispersion"
@@ -315,7 +315,7 @@ def _change(scenario: Mapping[str, Any], source: str, factor: float) -> str:
     str
         Empty if a field of the source is not a single number with a unit, or if there are too many fields.
     """
-    parts = []
+    field_texts = []
     fields = fields_of(source)
     for path, power in fields:
         value = _value_at(scenario, path)
@@ -328,11 +328,11 @@ def _change(scenario: Mapping[str, Any], source: str, factor: float) -> str:
             unit = "deg"
         else:
             unit = _DATASHEET.get(si_unit, si_unit)
-        displayed = float(size) / parse(f"1 {unit}", si_unit)
+        display_value = float(size) / parse(f"1 {unit}", si_unit)
         name = f"{path[-1]} " if len(fields) > 1 else ""
-        parts.append(f"{name}from {number(displayed)} to {number(displayed * factor)} {unit}")
-    if 0 < len(parts) <= _MOST_FIELDS:
-        return f"{', '.join(parts)} (1 sigma)"
+        field_texts.append(f"{name}from {number(display_value)} to {number(display_value * factor)} {unit}")
+    if 0 < len(field_texts) <= _MOST_FIELDS:
+        return f"{', '.join(field_texts)} (1 sigma)"
     return ""
 
 

@@ -7,14 +7,14 @@ import pandas as pd
 
 from lvnav_trade.quantities.state_layout import split_metric
 from lvnav_trade.report.advice import advice
-from lvnav_trade.report.blocks import Block, Details, Text, figure, formatted_table, listed, words
+from lvnav_trade.report.blocks import Block, Details, Text, figure, formatted_table, join_texts, words
 from lvnav_trade.report.sentences import say
 from lvnav_trade.results.evaluation import METRICS
 from lvnav_trade.results.evaluation.covariances import why_not_applicable
-from lvnav_trade.results.metric import where
-from lvnav_trade.results.requirements.improvements import asked
+from lvnav_trade.results.metric import event_or_phase
+from lvnav_trade.results.requirements.improvements import evaluate_stored_requirement
 from lvnav_trade.results.requirements.margins import worst_runs
-from lvnav_trade.results.requirements.requirements import in_words, with_unit
+from lvnav_trade.results.requirements.requirements import verdict_texts, with_unit
 from lvnav_trade.results.statistics.select import mean_at
 from lvnav_trade.results.tables.read import Tables
 
@@ -32,7 +32,7 @@ def answers(tables: Tables) -> list[Block]:
     """Return the verdict on each requirement with its evidence, the changes that lead to compliance, and the worst
     runs.
     """
-    verdicts = in_words(METRICS["requirements"](tables))
+    verdicts = verdict_texts(METRICS["requirements"](tables))
     blocks: list[Block] = []
     for requirement in tables.campaign.get("requirements") or ():
         blocks += _answer(tables, requirement, verdicts[verdicts.requirement == requirement["name"]])
@@ -84,37 +84,37 @@ def _answer(tables: Tables, requirement: dict[str, Any], rows: pd.DataFrame) -> 
     )
     blocks: list[Block] = [Text(sentence[0].upper() + sentence[1:], f"{name.capitalize()}.")]
     for verdict in ("met", "violated", "not confirmed", "undecided", "not applicable"):
-        chosen = rows[rows.verdict == verdict]
-        if chosen.empty:
+        verdict_rows = rows[rows.verdict == verdict]
+        if verdict_rows.empty:
             continue
         count = ""
-        if len(chosen) == len(rows) > 1:
+        if len(verdict_rows) == len(rows) > 1:
             count = f"all {len(rows)} cases: "
-        elif len(chosen) > _FEW:
-            count = f"{len(chosen)} of {len(rows)} cases: "
-        blocks.append(Text(f"{count}{_listed(_cases(verdict, chosen))}.", f"{_WORDS[verdict]}:"))
+        elif len(verdict_rows) > _FEW:
+            count = f"{len(verdict_rows)} of {len(rows)} cases: "
+        blocks.append(Text(f"{count}{_join_texts(_cases(verdict, verdict_rows))}.", f"{_WORDS[verdict]}:"))
     for text in _covariance_verdicts(tables, name, rows):
         blocks.append(Text(text, "Linear covariance alone:"))
     improvements = METRICS["improvements"](tables)
     improvements = improvements[improvements.requirement == name]
     if len(improvements):
         changes = [advice(tables, row) for row in improvements.itertuples()]
-        blocks.append(Text(_listed(changes, " "), "To comply:"))
+        blocks.append(Text(_join_texts(changes, " "), "To comply:"))
     else:
-        violated = rows[rows.verdict == "violated"]
-        blocks += [Text(text) for text in _largest_sources(tables, requirement, violated)]
+        violated_rows = rows[rows.verdict == "violated"]
+        blocks += [Text(text) for text in _largest_sources(tables, requirement, violated_rows)]
     return blocks
 
 
-def _listed(texts: list[str], separator: str = "; ") -> str:
+def _join_texts(texts: list[str], separator: str = "; ") -> str:
     """Join texts; of many only the first, with the number of the others."""
-    return listed(texts, 2 * _FEW, separator)
+    return join_texts(texts, 2 * _FEW, separator)
 
 
 def _cases(verdict: str, rows: pd.DataFrame) -> list[str]:
     """Name the cases of a verdict, with the evidence for it."""
     if verdict == "undecided":
-        return _undecided(rows)
+        return _undecided_sentences(rows)
     if verdict in ("not confirmed", "not applicable"):
         return list(rows.case)
     return [f"{row.case} ({row.estimate}; {_evidence(row)})" for row in rows.itertuples()]
@@ -132,17 +132,17 @@ def _metric(requirement: dict[str, Any]) -> str:
     return name
 
 
-def _limit(requirement: dict[str, Any], shown: str) -> str:
+def _limit(requirement: dict[str, Any], limit_text: str) -> str:
     """Return a limit as text; an angle in milliradians is repeated in degrees."""
     size, _, unit = str(requirement["below"]).partition(" ")
-    if unit == "rad" and "mrad" in shown:
-        return f"{shown} ({math.degrees(float(size)):.3g} deg)"
-    return shown
+    if unit == "rad" and "mrad" in limit_text:
+        return f"{limit_text} ({math.degrees(float(size)):.3g} deg)"
+    return limit_text
 
 
 def _place(requirement: dict[str, Any]) -> str:
     """Return the place of a requirement: "at injection", "at all times from lift-off"."""
-    place = words(where(requirement))
+    place = words(event_or_phase(requirement))
     if not requirement.get("during"):
         return f"at {place}"
     return "at all times of the flight" if place == "flight" else f"at all times from {place}"
@@ -194,33 +194,33 @@ def _chance(probability: float) -> str:
     return "more than 99.9 %" if probability > 0.999 else f"{100 * probability:.3g} %"
 
 
-def _undecided(rows: pd.DataFrame) -> list[str]:
+def _undecided_sentences(rows: pd.DataFrame) -> list[str]:
     """Name the undecided cases with the number of runs that would decide them."""
     groups = rows.groupby("runs_to_decide", sort=True)
     return [say("undecided", cases=list(group.case), runs=runs) for runs, group in groups]
 
 
-def _largest_sources(tables: Tables, requirement: dict[str, Any], violated: pd.DataFrame) -> list[str]:
+def _largest_sources(tables: Tables, requirement: dict[str, Any], violated_rows: pd.DataFrame) -> list[str]:
     """Return the largest error source by linear covariance for each case that violates a requirement.
 
     The mean error, which is the same in every run, counts as a source. For a phase, the budget is that of the event
     with the smallest margin.
 
     requirement : requirement, as written in the campaign
-    violated : verdicts of the cases that violate it
+    violated_rows : verdicts of the cases that violate it
     """
     budget = METRICS["budget"](tables)
     quantity = split_metric(requirement["metric"])[0]
     digests = {label: case for case, label in tables.labels.items()}
     sentences = []
-    for label in violated.case:
+    for label in violated_rows.case:
         case = digests[label]
-        event = where(requirement)
+        event = event_or_phase(requirement)
         place = ""
         if requirement.get("during"):
-            law = asked(tables, requirement, case)
+            law = evaluate_stored_requirement(tables, requirement, case)
             if not isinstance(law, str):
-                event = law.distribution.moment.replace(" ", "_")
+                event = law.distribution.event_or_time.replace(" ", "_")
             place = f" at {words(event)}"
         is_of_case = (budget.case == label) & (budget.event == event)
         rows = budget[is_of_case & (budget.metric == f"{quantity}_error")]
@@ -248,4 +248,4 @@ def _largest_sources(tables: Tables, requirement: dict[str, Any], violated: pd.D
         sentences.append(sentence)
     if not sentences:
         return []
-    return [f"Largest source in the 3D error, by linear covariance: {_listed(sentences)}."]
+    return [f"Largest source in the 3D error, by linear covariance: {_join_texts(sentences)}."]

@@ -4,10 +4,10 @@ from collections.abc import Collection, Iterable, Sequence
 
 import pandas as pd
 
-from lvnav_trade.report.blocks import Block, Table, Text, among, formatted_table, of, words
+from lvnav_trade.report.blocks import Block, Table, Text, formatted_table, join_names, table_section, words
 from lvnav_trade.report.escape import note
 from lvnav_trade.results.evaluation import METRICS
-from lvnav_trade.results.evaluation.assumed_numbers import compared_by
+from lvnav_trade.results.evaluation.assumed_numbers import varied_assumptions
 from lvnav_trade.results.tables.read import Tables
 
 _FEW = 4
@@ -20,7 +20,7 @@ _ALONG = "Navigation errors are those on the nominal trajectory. See Assumptions
 _NAMES = {"imu": "IMU", "receiver": "Receiver"}
 
 
-@of("assumptions")
+@table_section("assumptions")
 def assumptions(tables: Tables, frame: pd.DataFrame) -> list[Block]:
     """Return every assumed or second-hand number once, with the cases that it affects.
 
@@ -33,14 +33,14 @@ def assumptions(tables: Tables, frame: pd.DataFrame) -> list[Block]:
     rows["number"] = rows.field + rows.value_text.map(_in_brackets)
     rows["place"] = rows.place.str.replace(r"\.\d+$", "", regex=True)  # items of a list share a row
     groups = rows.groupby(["place", "mark", "reason", "cases"], sort=False)
-    combined = groups[["card", "number"]].agg(_join_distinct).reset_index()
+    combined_rows = groups[["card", "number"]].agg(_join_distinct).reset_index()
     sections = list(dict.fromkeys(_sections(frame.place)))
-    combined = combined.sort_values(
+    combined_rows = combined_rows.sort_values(
         "place",
         key=lambda places: _sections(places).map(sections.index),
         kind="stable",
     )
-    return [Text(note("assumptions")), formatted_table("assumptions", combined)]
+    return [Text(note("assumptions")), formatted_table("assumptions", combined_rows)]
 
 
 def _sections(places: pd.Series) -> pd.Series:
@@ -59,12 +59,12 @@ def _join_distinct(names: Iterable[str]) -> str:
     return ", ".join(dict.fromkeys(names))
 
 
-def ranked_by_assumptions(tables: Tables) -> list[Block]:
+def ranking_warning(tables: Tables) -> list[Block]:
     """Return a warning if products are compared by numbers that are assumed or second hand; empty otherwise.
 
     It says whether these numbers decide the errors of the cases, or their cost and performance alone.
     """
-    frame = compared_by(tables)
+    frame = varied_assumptions(tables)
     if len(tables.labels) < 2 or frame.empty:
         return []
     is_resource = frame.field.str.contains(_RESOURCES)
@@ -78,12 +78,12 @@ def ranked_by_assumptions(tables: Tables) -> list[Block]:
     return [Text(f"{' '.join(sentences)} See Assumptions.", lead)]
 
 
-def placed_by_assumptions(tables: Tables) -> list[Block]:
+def orbit_warning(tables: Tables) -> list[Block]:
     """Return a warning if guided ascents draw vehicle dispersions that are assumed or second hand."""
     frame = METRICS["assumptions"](tables)
-    guided = set(METRICS["injection"](tables).case)
+    guided_cases = set(METRICS["injection"](tables).case)
     is_spread = frame.place.str.endswith(_SPREADS)
-    rows = frame[is_spread & frame.case.isin(guided)]
+    rows = frame[is_spread & frame.case.isin(guided_cases)]
     covariances = tables.injection_covariances
     is_of_vehicle = covariances.source_group == "vehicle"
     sources = set(covariances.source[is_of_vehicle])
@@ -116,28 +116,28 @@ def _marked_fields(frame: pd.DataFrame) -> str:
 def _fields(fields: Sequence[str]) -> str:
     """Return fields in words; of many only the first, with the number of the others."""
     names = [words(field.removeprefix("resources.").replace(".", " ")) for field in fields]
-    return among(list(dict.fromkeys(names)), _FEW)
+    return join_names(list(dict.fromkeys(names)), _FEW)
 
 
 def cases_in_words(tables: Tables, cases: Collection[str]) -> str:
     """Return case labels in words: "all", the levels of one axis, or the first labels and the number of the others."""
-    chosen = set(cases)
-    if chosen == set(tables.labels.values()):
-        return "all" if len(chosen) > 1 else "the one case"
+    chosen_labels = set(cases)
+    if chosen_labels == set(tables.labels.values()):
+        return "all" if len(chosen_labels) > 1 else "the one case"
     levels = {tables.labels[case]: case_levels for case, case_levels in tables.levels.items()}
-    labels = [label for label in levels if label in chosen]
+    labels = [label for label in levels if label in chosen_labels]
     axes = next(iter(levels.values()), {})
     for axis in axes:
         levels_of_chosen = [levels[label].get(axis, "") for label in labels]
         chosen_levels = list(dict.fromkeys(levels_of_chosen))
         with_levels = {label for label in levels if levels[label].get(axis) in chosen_levels}
-        if len(chosen_levels) <= _FEW and with_levels == chosen:
+        if len(chosen_levels) <= _FEW and with_levels == chosen_labels:
             level_names = " or ".join(chosen_levels)
             return f"{axis}={level_names}"
-    return among(labels, _FEW, "; ")
+    return join_names(labels, _FEW, "; ")
 
 
-@of("configuration")
+@table_section("configuration")
 def configuration(tables: Tables, frame: pd.DataFrame) -> list[Block]:
     """Return one table each for IMUs, receivers and filters; cases with equal numbers share a row."""
     device_types = frame.device.str.partition(" ")[0]

@@ -25,13 +25,13 @@ class Text(NamedTuple):
 
     text : The text.
     lead : First words, emphasised.
-    kind : "text", or "code" for a command.
+    block_type : "text", or "code" for a command.
     is_nothing : Whether the text only says that there is nothing to show.
     """
 
     text: str
     lead: str = ""
-    kind: str = "text"
+    block_type: str = "text"
     is_nothing: bool = False
 
 
@@ -42,10 +42,10 @@ class Table(NamedTuple):
     rows: tuple[tuple[str, ...], ...]
     numeric: tuple[bool, ...]  # whether each column is numeric, and so right-aligned
     caption: str = ""
-    kind: str = "table"
+    block_type: str = "table"
 
     @property
-    def narrow(self) -> bool:
+    def is_narrow(self) -> bool:
         """Whether it fits into half the width of a page, with headings broken between words."""
         if len(self.rows) > _HALF_ROWS:
             return False
@@ -62,7 +62,7 @@ class Picture(NamedTuple):
     name: str  # file name without extension
     figure: Figure
     caption: str
-    kind: str = "picture"
+    block_type: str = "picture"
 
     @property
     def data(self) -> str:
@@ -93,21 +93,21 @@ class Picture(NamedTuple):
 
 def _is_map(panel: Panel) -> bool:
     """Whether a panel colours cells by their values."""
-    return any(mark.kind == "cells" for mark in panel.marks)
+    return any(mark.mark_type == "cells" for mark in panel.marks)
 
 
 class SourceScaling(NamedTuple):
     """Interactive control that scales an error source; in HTML reports only."""
 
     data: str  # JSON for the script of the report
-    kind: str = "grades"
+    block_type: str = "grades"
 
 
 class DesignExplorer(NamedTuple):
     """Interactive scatter plot and parallel axes of a design space; in HTML reports only."""
 
     data: str  # JSON for the script of the report
-    kind: str = "designs"
+    block_type: str = "designs"
 
 
 class Details(NamedTuple):
@@ -115,7 +115,7 @@ class Details(NamedTuple):
 
     title: str
     blocks: Sequence[Any]
-    kind: str = "more"
+    block_type: str = "more"
 
 
 Block = Text | Table | Picture | SourceScaling | DesignExplorer | Details
@@ -143,9 +143,9 @@ def number(value: float) -> str:
         return "0"
     if not 1e-4 <= abs(value) < 1e6:
         return f"{value:.2e}"
-    rounded = float(f"{value:.2e}")
-    exponent = math.floor(math.log10(abs(rounded)))
-    return f"{rounded:.{max(0, 2 - exponent)}f}"
+    rounded_value = float(f"{value:.2e}")
+    exponent = math.floor(math.log10(abs(rounded_value)))
+    return f"{rounded_value:.{max(0, 2 - exponent)}f}"
 
 
 def percent(value: float) -> str:
@@ -153,31 +153,31 @@ def percent(value: float) -> str:
     return f"{100.0 * value:.6g} %"
 
 
-def listed(texts: Sequence[str], most: int, separator: str = "; ") -> str:
+def join_texts(texts: Sequence[str], max_count: int, separator: str = "; ") -> str:
     """Return texts joined by a separator.
 
-    Of more than `most` texts only the first are listed, followed by the number of the others.
+    Of more than `max_count` texts only the first are listed, followed by the number of the others.
     """
-    text = separator.join(texts[:most])
-    n_more = len(texts) - most
+    text = separator.join(texts[:max_count])
+    n_more = len(texts) - max_count
     return f"{text}; and {n_more} more, see the table" if n_more > 0 else text
 
 
-def first_ones(names: Sequence[str], most: int) -> str:
-    """Join names by "and"; of more than `most` + 1 names only the first, with the number of the others."""
-    n_more = len(names) - most
+def join_first_names(names: Sequence[str], max_count: int) -> str:
+    """Join names by "and"; of more than `max_count` + 1 names only the first, with the number of the others."""
+    n_more = len(names) - max_count
     if n_more > 1:
-        names = [*names[:most], f"{n_more} more"]
+        names = [*names[:max_count], f"{n_more} more"]
     return " and ".join(names)
 
 
-def among(names: Sequence[str], most: int, separator: str = ", ") -> str:
+def join_names(names: Sequence[str], max_count: int, separator: str = ", ") -> str:
     """Return names joined by a separator: "a, b and 3 more".
 
-    Of more than `most` names only the first are listed, followed by the number of the others.
+    Of more than `max_count` names only the first are listed, followed by the number of the others.
     """
-    text = separator.join(names[:most])
-    n_more = len(names) - most
+    text = separator.join(names[:max_count])
+    n_more = len(names) - max_count
     if n_more <= 0:
         return text
     conjunction = "; and" if separator == "; " else " and"
@@ -191,7 +191,7 @@ def words(names: Any) -> Any:
     return str(names).replace("_", " ")
 
 
-def shown(frame: pd.DataFrame, columns: str) -> pd.DataFrame:
+def formatted_columns(frame: pd.DataFrame, columns: str) -> pd.DataFrame:
     """Return columns of a frame with headings and formatted values.
 
     Parameters
@@ -209,20 +209,20 @@ def shown(frame: pd.DataFrame, columns: str) -> pd.DataFrame:
     pandas.DataFrame
         The columns in the order of the entries.
     """
-    formatted = {}
+    columns_by_heading = {}
     for entry in columns.split(" | "):
         heading, _, content = entry.rpartition(" = ")
         name, _, form = content.partition(": ")
         bounds = [_format_column(frame[bound], form) for bound in name.split(" to ") if bound in frame]
         if len(bounds) == 1:
-            formatted[heading or words(name)] = bounds[0]
+            columns_by_heading[heading or words(name)] = bounds[0]
         elif bounds:
-            formatted[heading or words(name)] = _interval_text(*bounds)
-    return pd.DataFrame(formatted)
+            columns_by_heading[heading or words(name)] = _interval_text(*bounds)
+    return pd.DataFrame(columns_by_heading)
 
 
 def _format_column(values: pd.Series, form: str) -> pd.Series:
-    """Return a column as text in a form (see `shown`)."""
+    """Return a column as text in a form (see `formatted_columns`)."""
     if not form:
         return values
     if form == "words":
@@ -264,10 +264,10 @@ def table(frame: pd.DataFrame, caption: str = "", columns: str = "") -> Table:
     caption : str
         Caption of the table.
     columns : str
-        Columns and their formats, see `shown`; by default all columns.
+        Columns and their formats, see `formatted_columns`; by default all columns.
     """
     if columns:
-        frame = shown(frame, columns)
+        frame = formatted_columns(frame, columns)
     numeric = tuple(pd.api.types.is_numeric_dtype(dtype) and dtype is not bool for dtype in frame.dtypes)
     rows = tuple(tuple(map(_cell, row)) for row in frame.itertuples(index=False))
     return Table(tuple(map(str, frame.columns)), rows, numeric, caption)
@@ -279,7 +279,7 @@ def _cell(value: Any) -> str:
     return value if isinstance(value, str) else number(value)
 
 
-def same_once(frame: pd.DataFrame) -> pd.DataFrame:
+def combine_equal_cases(frame: pd.DataFrame) -> pd.DataFrame:
     """Return a frame with column `case` in which cases with equal rows are combined under a common name."""
     groups: dict[tuple[tuple[str, ...], ...], list[str]] = {}
     rows = list(frame.drop(columns="case").astype(str).itertuples(index=False, name=None))
@@ -295,14 +295,14 @@ def same_once(frame: pd.DataFrame) -> pd.DataFrame:
     return first.assign(case=first.case.map(names))
 
 
-def of(metric: str, nothing: str = "") -> Callable[[_TableBlocks], Blocks]:
+def table_section(metric: str, empty_text: str = "") -> Callable[[_TableBlocks], Blocks]:
     """Decorate a function of a computed table so that it becomes a function of results.
 
     Parameters
     ----------
     metric : str
         Name of the computed table.
-    nothing : str
+    empty_text : str
         Text if the table is empty; no block if this text is empty as well.
     """
 
@@ -312,35 +312,35 @@ def of(metric: str, nothing: str = "") -> Callable[[_TableBlocks], Blocks]:
             frame = METRICS[metric](tables)
             if len(frame):
                 return make(tables, frame)
-            return [Text(nothing, is_nothing=True)] if nothing else []
+            return [Text(empty_text, is_nothing=True)] if empty_text else []
 
         return section
 
     return decorate
 
 
-def formatted_table(name: str, frame: pd.DataFrame, alike: bool = False, **content: str) -> Table:
+def formatted_table(name: str, frame: pd.DataFrame, combines_cases: bool = False, **content: str) -> Table:
     """Return a frame as a table with the layout of `templates/texts.toml`.
 
     Parameters
     ----------
     name : str
-        Name of the layout, which selects columns (see `blocks.shown`) or gives headings, and a caption.
+        Name of the layout, which selects columns (see `blocks.formatted_columns`) or gives headings, and a caption.
     frame : pandas.DataFrame
         The rows.
-    alike : bool
+    combines_cases : bool
         Combine cases with equal rows.
     **content
         Texts for the braces in the caption.
     """
     layout = texts()["tables"][name]
     if "columns" in layout:
-        frame = shown(frame, " ".join(layout["columns"].split()))
+        frame = formatted_columns(frame, " ".join(layout["columns"].split()))
     else:
         headings = " ".join(layout["headings"].split())
         frame = frame.set_axis(headings.split(" | "), axis=1)
     caption = " ".join(layout.get("caption", "").split())
-    return table(same_once(frame) if alike else frame, caption.format(**content))
+    return table(combine_equal_cases(frame) if combines_cases else frame, caption.format(**content))
 
 
 def row_numbers(cases: pd.Series) -> dict[str, Any]:
@@ -348,7 +348,7 @@ def row_numbers(cases: pd.Series) -> dict[str, Any]:
     return {str(case): places for case, places in cases.groupby(cases, sort=False).indices.items()}
 
 
-def named(tables: Tables, case: str, cases: Sequence[str]) -> str:
+def case_sentence(tables: Tables, case: str, cases: Sequence[str]) -> str:
     """Return the label of a case as a sentence if its figure does not represent all cases."""
     if len(cases) > 1:
         return f" {tables.labels[case]}."
@@ -371,7 +371,7 @@ def figures(tables: Tables, plot: str, cases: Sequence[str], **content: str) -> 
     """
     pictures: list[Block] = []
     for k, case in enumerate(cases, 1):
-        caption = note(plot, "figures", **content) + named(tables, case, cases)
+        caption = note(plot, "figures", **content) + case_sentence(tables, case, cases)
         pictures.append(Picture(f"{plot}-{k}", PLOTS[plot](tables, case), caption))
     return pictures
 

@@ -10,13 +10,7 @@ from typing import NamedTuple
 import pandas as pd
 
 from lvnav_trade.quantities.errors import InputError, writing
-from lvnav_trade.report import assumptions as assumed
-from lvnav_trade.report import assumptions as configured
-from lvnav_trade.report import diagnostics, evidence, flight, satellites, space
-from lvnav_trade.report import diagnostics as explained
-from lvnav_trade.report import flight as injection
-from lvnav_trade.report import models as registered
-from lvnav_trade.report import space as together
+from lvnav_trade.report import assumptions, diagnostics, evidence, flight, models, satellites, space
 from lvnav_trade.report.answers import answers
 from lvnav_trade.report.blocks import (
     Block,
@@ -35,13 +29,13 @@ from lvnav_trade.report.figures.style import share_scales
 from lvnav_trade.report.selection import chosen_cases
 from lvnav_trade.report.summary import SIGNS, summary
 from lvnav_trade.results.evaluation import CSV, METRICS
-from lvnav_trade.results.statistics.display_units import named
-from lvnav_trade.results.tables.contents import owned
+from lvnav_trade.results.statistics.display_units import with_case_names
+from lvnav_trade.results.tables.contents import owned_folder
 from lvnav_trade.results.tables.read import Tables, load
 
 
 def _agreement(tables: Tables) -> list[Block]:
-    return evidence.agreement(tables) + explained.spot_check(tables) + explained.nonlinearity(tables)
+    return evidence.agreement(tables) + diagnostics.spot_check(tables) + diagnostics.nonlinearity(tables)
 
 
 def _requirements(tables: Tables) -> list[Block]:
@@ -49,7 +43,7 @@ def _requirements(tables: Tables) -> list[Block]:
 
 
 SECTIONS: dict[str, tuple[str, Blocks]] = {
-    "space": ("All designs", together.space),
+    "space": ("All designs", space.space),
     "summary": ("Answer", summary),
     "requirements": ("Requirements", _requirements),
     "pareto": ("Cost and performance", space.pareto),
@@ -67,18 +61,18 @@ SECTIONS: dict[str, tuple[str, Blocks]] = {
     "references": ("Published numbers", evidence.references),
     "exclusions": ("Excluded IMUs", flight.exclusions),
     "protection": ("Protection levels", flight.protection),
-    "injection": ("Injection accuracy", injection.injection),
+    "injection": ("Injection accuracy", flight.injection),
     "orbit": ("Orbit at injection", flight.orbit),
     "impact": ("Point of impact", flight.impact),
-    "budget": ("Error budget", explained.budget),
-    "grades": ("Benefit of better sensors", explained.grades),
+    "budget": ("Error budget", diagnostics.budget),
+    "grades": ("Benefit of better sensors", diagnostics.grades),
     "motion": ("Rate and acceleration", flight.motion),
     "control": ("Vehicle under attitude control", flight.control),
     "allan": ("Allan deviation of the IMUs", flight.allan),
-    "observability": ("Observability", explained.observability),
-    "configuration": ("Configuration", configured.configuration),
-    "assumptions": ("Assumptions", assumed.assumptions),
-    "models": ("Validation of the models", registered.models),
+    "observability": ("Observability", diagnostics.observability),
+    "configuration": ("Configuration", assumptions.configuration),
+    "assumptions": ("Assumptions", assumptions.assumptions),
+    "models": ("Validation of the models", models.models),
     "reproduce": ("How to reproduce", evidence.reproduce),
 }
 """All sections by name, in their default order. An empty section is shown only if the campaign names it."""
@@ -89,9 +83,9 @@ BRIEF = (*OPEN, "consistency", "agreement", "configuration", "assumptions", "mod
 _BRIEF_ROWS = 15  # largest number of rows of a table in a brief report
 _BRIEF_FIGURES = 9  # largest number of figures in a brief report
 _SCRIPTS = ("uplot/uPlot.iife.min.js", "figures.js", "page.js", "grades.js", "space.js")
-_MANY = 50
+_MOST_FULL_CASES = 50
 _DETAILED = ("orbit", "orbit_correction", "impact")
-"""Sections and tables that take a second per case; with more than `_MANY` cases they cover the key cases only."""
+"""Sections and tables that take a second per case; above `_MOST_FULL_CASES` cases they cover the key cases only."""
 
 
 class ReportContent(NamedTuple):
@@ -141,11 +135,11 @@ def _content(tables: Tables, sections: Sequence[str] | None, step: Callable[[], 
     title = title_of(tables)
     question = str(tables.campaign.get("description") or "")
     if tables.cases.empty:
-        failed = Section(names[0], SECTIONS[names[0]][0], _without_cases(tables))
-        return ReportContent(title, question, [failed], {})
-    shown_tables = named(tables)
-    detailed = _detailed(shown_tables)
-    content = _sections(shown_tables, detailed, names, step)
+        empty_section = Section(names[0], SECTIONS[names[0]][0], _without_cases(tables))
+        return ReportContent(title, question, [empty_section], {})
+    shown_tables = with_case_names(tables)
+    reduced_tables = _reduced_tables(shown_tables)
+    content = _sections(shown_tables, reduced_tables, names, step)
     if selection:  # a requested section is shown even if it is empty
         content = [section._replace(blocks=section.blocks or [Text("Nothing to show.")]) for section in content]
     else:
@@ -156,34 +150,34 @@ def _content(tables: Tables, sections: Sequence[str] | None, step: Callable[[], 
         title=title,
         question=question,
         sections=[section for section in content if section.blocks],
-        csv=_csv_tables(tables, shown_tables, detailed),
+        csv=_csv_tables(tables, shown_tables, reduced_tables),
         head=head(shown_tables),
     )
 
 
-def _sections(tables: Tables, detailed: Tables, names: Sequence[str], step: Callable[[], None]) -> list[Section]:
+def _sections(tables: Tables, reduced_tables: Tables, names: Sequence[str], step: Callable[[], None]) -> list[Section]:
     """Return the sections of these names; `step` is called after each.
 
-    detailed : the results for the sections that take long to build
+    reduced_tables : the results for the sections that take long to build
     """
     sections = []
     for name in names:
         title, blocks = SECTIONS[name]
-        sections.append(Section(name, title, blocks(detailed if name in _DETAILED else tables)))
+        sections.append(Section(name, title, blocks(reduced_tables if name in _DETAILED else tables)))
         step()
     return sections
 
 
-def _csv_tables(tables: Tables, shown_tables: Tables, detailed: Tables) -> dict[str, str]:
+def _csv_tables(tables: Tables, shown_tables: Tables, reduced_tables: Tables) -> dict[str, str]:
     """Return the CSV tables that have rows, by file name, with the labels of the stored results.
 
     tables : results with their stored labels
     shown_tables : results with the labels of the report
-    detailed : results for the tables that take long to compute, with the labels of the report
+    reduced_tables : results for the tables that take long to compute, with the labels of the report
     """
     frames = {}
     for name in CSV:
-        source = detailed if name in _DETAILED else shown_tables
+        source = reduced_tables if name in _DETAILED else shown_tables
         frames[name] = METRICS[name](source)
     if shown_tables is not tables:
         labels = {shown_tables.labels[case]: label for case, label in tables.labels.items()}
@@ -192,7 +186,7 @@ def _csv_tables(tables: Tables, shown_tables: Tables, detailed: Tables) -> dict[
                 stored_labels = frame.case.map(labels)
                 frames[name] = frame.assign(case=stored_labels)
     frames["designs"] = METRICS["designs"](tables)
-    frames["models"] = registered.evidence(tables)
+    frames["models"] = models.evidence(tables)
     return {f"{name}.csv": csv_text(frame) for name, frame in frames.items() if len(frame)}
 
 
@@ -219,9 +213,9 @@ def _is_nothing(block: Block) -> bool:
     return isinstance(block, Text) and block.is_nothing
 
 
-def _detailed(tables: Tables) -> Tables:
+def _reduced_tables(tables: Tables) -> Tables:
     """Return the results, reduced to the key cases and the best if there are many cases."""
-    if len(tables.labels) <= _MANY:
+    if len(tables.labels) <= _MOST_FULL_CASES:
         return tables
     return tables.with_frames(cases=tables.cases[tables.cases.case.isin(chosen_cases(tables))])
 
@@ -263,9 +257,9 @@ def build(
     files: dict[str, str | bytes] = {**content.csv, **pictures(content.sections, figures)}
     files["report.html"] = html_page(content.title, content.question, content.sections, head=content.head)
     if brief:
-        shortened = _shortened(content.sections)
-        files["brief.html"] = html_page(content.title, content.question, shortened, BRIEF, content.head)
-    owned(tables.folder, "results").publish("report", files)
+        brief_sections = _brief_sections(content.sections)
+        files["brief.html"] = html_page(content.title, content.question, brief_sections, BRIEF, content.head)
+    owned_folder(tables.folder, "results").publish("report", files)
     return tables.folder / ("brief.html" if brief else "report.html")
 
 
@@ -278,13 +272,13 @@ def verdict_tables(folder: Path | str) -> None:
     tables = load(folder)
     frames = {name: METRICS[name](tables) for name in VERDICTS}
     files = {f"{name}.csv": csv_text(frame) for name, frame in frames.items() if len(frame)}
-    owned(tables.folder, "results").publish("report", files)
+    owned_folder(tables.folder, "results").publish("report", files)
 
 
-def _shortened(sections: Sequence[Section]) -> list[Section]:
+def _brief_sections(sections: Sequence[Section]) -> list[Section]:
     """Return the sections of a brief report, without blocks shown on demand, and with long tables shortened."""
     n_figures = 0
-    shortened = []
+    brief_sections = []
     for section in sections:
         if section.name not in BRIEF:
             continue
@@ -299,12 +293,12 @@ def _shortened(sections: Sequence[Section]) -> list[Section]:
                     blocks.append(block)
             elif not isinstance(block, Details | SourceScaling | DesignExplorer):
                 blocks.append(block)
-        shortened.append(section._replace(blocks=blocks))
-    return shortened
+        brief_sections.append(section._replace(blocks=blocks))
+    return brief_sections
 
 
 def html_page(
-    title: str, question: str, sections: Sequence[Section], shown: Sequence[str] = OPEN, head: Head = ()
+    title: str, question: str, sections: Sequence[Section], open_sections: Sequence[str] = OPEN, head: Head = ()
 ) -> str:
     """Return a report as one self-contained HTML file.
 
@@ -314,7 +308,7 @@ def html_page(
         Title, and question of the campaign.
     sections : sequence of Section
         Sections in order.
-    shown : sequence of str
+    open_sections : sequence of str
         Names of sections that are open; the others are folded.
     head : tuple of Line
         Title block below the title.
@@ -326,7 +320,7 @@ def html_page(
         title=title,
         question=question,
         sections=sections,
-        open={*shown, sections[0].name},
+        open={*open_sections, sections[0].name},
         head=head,
         signs={sign: verdict for verdict, sign in SIGNS.items() if sign != "–"},  # a dash is also a missing number
         verdicts={*SIGNS, "agree", "disagree"},
@@ -341,7 +335,7 @@ def markdown_page(title: str, question: str, sections: Sequence[Section], head: 
     return render("page.md.j2", title=title, question=question, sections=sections, head=head)
 
 
-def keep(results: Path | str, folder: Path | str, tables: bool = True) -> Path:
+def keep(results: Path | str, folder: Path | str, writes_tables: bool = True) -> Path:
     """Write a kept report, for a repository: Markdown, figures, and CSV tables unless these are not wanted.
 
     Parameters
@@ -350,7 +344,7 @@ def keep(results: Path | str, folder: Path | str, tables: bool = True) -> Path:
         Folder of results.
     folder : Path or str
         Folder of the kept report. Files of an earlier report are replaced, and no other file.
-    tables : bool
+    writes_tables : bool
         Whether to write the CSV tables.
 
     Returns
@@ -358,12 +352,12 @@ def keep(results: Path | str, folder: Path | str, tables: bool = True) -> Path:
     Path
         report.md.
     """
-    target = owned(folder, "report")
+    target = owned_folder(folder, "report")
     content = make(load(results))
     page = markdown_page(content.title, content.question, content.sections, content.head)
     with writing(folder, "the report cannot be kept there"):
         files: dict[str, str | bytes] = {**pictures(content.sections), "report.md": page}
-        if tables:
+        if writes_tables:
             files |= content.csv
         target.publish("report", files)
     return target.folder / "report.md"
@@ -372,9 +366,9 @@ def keep(results: Path | str, folder: Path | str, tables: bool = True) -> Path:
 def _check(names: Sequence[str]) -> None:
     for name in names:
         if name not in SECTIONS:
-            near = difflib.get_close_matches(name, SECTIONS, 1)
-            if near:
-                hint = f" (did you mean {near[0]}?)"
+            matches = difflib.get_close_matches(name, SECTIONS, 1)
+            if matches:
+                hint = f" (did you mean {matches[0]}?)"
             else:
                 hint = f"; there are {', '.join(SECTIONS)}"
             raise InputError(f"report.sections: no section {name!r}{hint}")

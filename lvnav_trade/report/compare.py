@@ -15,7 +15,7 @@ from lvnav_trade.report.blocks import number, percent
 from lvnav_trade.report.escape import render, xml_text
 from lvnav_trade.report.sentences import say
 from lvnav_trade.results.comparison.comparison import ResultComparison
-from lvnav_trade.results.tables.contents import DIGESTS, MANIFEST, RESOLVED, damaged, digest, owned
+from lvnav_trade.results.tables.contents import DIGESTS, MANIFEST, RESOLVED, damaged_file_error, digest, owned_folder
 from lvnav_trade.results.tables.read import Tables, has_table, load, stored_table
 from lvnav_trade.results.tables.versions import RESULTS_VERSION, across_machines
 
@@ -251,9 +251,9 @@ def keep_base(results: Path | str | Tables, folder: Path | str) -> Path:
         A file of the results is damaged.
     """
     tables = load(results)
-    target = owned(folder, "base")
+    target = owned_folder(folder, "base")
     if not tables.campaign:  # reading the campaign first rejects damaged results before they are copied
-        raise damaged(tables.folder / RESOLVED, "it states nothing")
+        raise damaged_file_error(tables.folder / RESOLVED, "it states nothing")
     has_runs = int(tables.cases.run_count.sum()) > 0
     names = KEPT if has_runs else (*KEPT, *KEPT_WITHOUT_RUNS)
     with writing(folder, "the base cannot be kept there"):

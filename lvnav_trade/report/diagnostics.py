@@ -17,13 +17,13 @@ from lvnav_trade.report.blocks import (
     figures,
     formatted_table,
     number,
-    of,
+    table_section,
     words,
 )
 from lvnav_trade.report.escape import data_json, note
 from lvnav_trade.report.evidence import NAVIGATION, separate_events
 from lvnav_trade.report.figures.integrity import is_a_grid
-from lvnav_trade.report.selection import chosen_cases, deciding, few, left_out
+from lvnav_trade.report.selection import chosen_cases, first_cases, key_cases_and_quantities, omission_note
 from lvnav_trade.results.evaluation import METRICS
 from lvnav_trade.results.evaluation.integrity import IN_PART, ISOLATED, WRONG
 from lvnav_trade.results.statistics.gaussian import gaussian
@@ -34,21 +34,21 @@ _LEAST_SHARE = 0.01  # share of the variance below which a table combines a sour
 _SCALE_FACTORS = (0.1, 0.3, 1.0, 3.0, 10.0)  # factors on the sigma of a source in the tables
 
 
-@of("budget", "The campaign requests no error budget.")
+@table_section("budget", "The campaign requests no error budget.")
 def budget(tables: Tables, frame: pd.DataFrame) -> list[Block]:
     """Return the error budget by linear covariance: tables by source and event, stacked plots, and when each source
     acted.
     """
-    key_cases, required = deciding(tables)
+    key_cases, required_quantities = key_cases_and_quantities(tables)
     blocks: list[Block] = [Text(note("budget"))]
-    details: list[Block] = list(left_out(tables))
+    details: list[Block] = list(omission_note(tables))
     for case in dict.fromkeys([*key_cases, *chosen_cases(tables)]):
         has_times = (tables.adjoint.case == case).any()
         for quantity in NAVIGATION:
             rows = frame[(frame.case == tables.labels[case]) & (frame.metric == f"{quantity}_error")]
             if rows.empty:
                 continue
-            if case in key_cases and quantity in required:
+            if case in key_cases and quantity in required_quantities:
                 blocks.append(figure(tables, "budget", case, quantity))
             elif quantity != "attitude":
                 details.append(figure(tables, "budget", case, quantity))
@@ -142,16 +142,16 @@ def grades(tables: Tables) -> list[Block]:
     """Return the effect of a larger or smaller error source on the errors at the diagnosed event: a control, and
     tables.
     """
-    retuned = METRICS["sensitivity"](tables)
+    retuned_errors = METRICS["sensitivity"](tables)
     scalings = []
     for case in chosen_cases(tables):
         for quantity in NAVIGATION:
-            scaling = _source_scaling(tables, case, quantity, retuned)
+            scaling = _source_scaling(tables, case, quantity, retuned_errors)
             if scaling is not None:
                 scalings.append(scaling)
     if not scalings:
         return [Text("The campaign requests no covariance by source at the event (covariance: {adjoint: true}).")]
-    if len(retuned):
+    if len(retuned_errors):
         remark = note("retuned")
     else:
         remark = "The campaign requests no re-tuned numbers (covariance: {sensitivity: true})."
@@ -159,13 +159,13 @@ def grades(tables: Tables) -> list[Block]:
     return [text, SourceScaling(data_json(scalings)), *map(_scaling_table, scalings)]
 
 
-def _source_scaling(tables: Tables, case: str, quantity: str, retuned: pd.DataFrame) -> dict[str, Any] | None:
+def _source_scaling(tables: Tables, case: str, quantity: str, retuned_errors: pd.DataFrame) -> dict[str, Any] | None:
     """Return the mean square of an error and of its sources, with the re-tuned points of each source.
 
     Squares are in the square of the display unit. None if linear covariance has no budget of the error.
 
     case : digest of the case
-    retuned : rows of the metric `sensitivity`: error for factors on the sigma of a source, filter re-tuned
+    retuned_errors : rows of the metric `sensitivity`: error for factors on the sigma of a source, filter re-tuned
     """
     rows = tables.adjoint[tables.adjoint.case == case]
     if len(rows):
@@ -175,10 +175,10 @@ def _source_scaling(tables: Tables, case: str, quantity: str, retuned: pd.DataFr
     law = gaussian(tables, case, event, quantity, "3d")
     if law is None or not law.sources:
         return None
-    unit, factor = tables.people[quantity, "3d"]
+    unit, factor = tables.display_units[quantity, "3d"]
     label = tables.labels[case]
     points: dict[str, list[list[float]]] = {name: [] for name in law.sources}
-    case_rows = retuned[(retuned.case == label) & (retuned.metric == f"{quantity}_error")]
+    case_rows = retuned_errors[(retuned_errors.case == label) & (retuned_errors.metric == f"{quantity}_error")]
     for row in case_rows.itertuples():
         error = float(f"{row.retuned:.6g}")
         points.setdefault(row.source, []).append([row.factor_ratio, error])
@@ -216,14 +216,14 @@ def _scaling_table(scaling: dict[str, Any]) -> Table:
     )
 
 
-@of("observability", "The campaign requests no observability.")
+@table_section("observability", "The campaign requests no observability.")
 def observability(tables: Tables, frame: pd.DataFrame) -> list[Block]:
     """Return rank, smallest singular values and weakest direction of each phase of flight."""
     rank = frame.rank_count.astype(str) + " / " + frame.state_count.astype(str)
     frame = frame.assign(rank=rank)
     tolerance = frame.tolerance_ratio.iloc[0]
     blocks: list[Block] = [Text(note("observability", tolerance=tolerance))]
-    blocks += left_out(tables)
+    blocks += omission_note(tables)
     for label in chosen_cases(tables).values():
         rows = frame[frame.case == label]
         blocks.append(formatted_table("observability", rows, label=label))
@@ -266,25 +266,25 @@ def spot_check(tables: Tables) -> list[Block]:
     frame = METRICS["spot_check"](tables)
     if frame.empty:
         return [Text("No spot check: only the runs of the campaign, if any, test linear covariance.")]
-    tested = frame[frame.verdict != "not applicable"]
-    if tested.empty:
+    tested_rows = frame[frame.verdict != "not applicable"]
+    if tested_rows.empty:
         return []
-    cases = tested.sort_values("chance_ratio", kind="stable").groupby("case", sort=False)
-    outside = tested.verdict.eq("disagree").groupby(tested.case).sum()
-    worst = cases.head(1)
-    worst = worst.assign(
-        rows=worst.case.map(cases.size()),
-        outside=worst.case.map(outside),
+    cases = tested_rows.sort_values("chance_ratio", kind="stable").groupby("case", sort=False)
+    outside_counts = tested_rows.verdict.eq("disagree").groupby(tested_rows.case).sum()
+    worst_rows = cases.head(1)
+    worst_rows = worst_rows.assign(
+        rows=worst_rows.case.map(cases.size()),
+        outside=worst_rows.case.map(outside_counts),
     )
     run_counts = dict.fromkeys((str(frame.runs.min()), str(frame.runs.max())))
     text = Text(note("spot_check", runs=" to ".join(run_counts)))
-    blocks: list[Block] = [text, formatted_table("spot_check", worst)]
+    blocks: list[Block] = [text, formatted_table("spot_check", worst_rows)]
     if is_a_grid(tables):
         blocks.append(figure(tables, "validity"))
     return blocks
 
 
-@of("nonlinearity")
+@table_section("nonlinearity")
 def nonlinearity(tables: Tables, frame: pd.DataFrame) -> list[Block]:
     """Return the nonlinearity index of each case at its worst event."""
     cases = frame.groupby("case", sort=False)
@@ -300,7 +300,7 @@ _TIMES = ("detected", ISOLATED, "recovered")
 _MOST = 4  # decisions shown for each case
 
 
-@of("integrity")
+@table_section("integrity")
 def rates(tables: Tables, frame: pd.DataFrame) -> list[Block]:
     """Return detection, isolation and false-alarm rates of each case, and the times to detect, to isolate and to
     recover.
@@ -321,7 +321,7 @@ def rates(tables: Tables, frame: pd.DataFrame) -> list[Block]:
     return [Text(note("integrity")), formatted_table("integrity", pd.DataFrame(rows))]
 
 
-@of("decisions")
+@table_section("decisions")
 def _exclusions(tables: Tables, frame: pd.DataFrame) -> list[Block]:
     """Return the most frequent exclusions of each case, with their times."""
     keys = ["case", "isolated_element", "satellites"]
@@ -359,8 +359,8 @@ def _time(rows: pd.DataFrame, outcome: str) -> str:
     return f"{number(result.median_s)} ({number(result.lincov_s)})"
 
 
-@of("fault_test_errors")
-def worth(tables: Tables, frame: pd.DataFrame) -> list[Block]:
+@table_section("fault_test_errors")
+def fault_test_benefit(tables: Tables, frame: pd.DataFrame) -> list[Block]:
     """Return errors at the last event with and without the fault tests, if the campaign has both."""
     return [formatted_table("tested_errors", frame)]
 
@@ -371,11 +371,11 @@ def integrity(tables: Tables) -> list[Block]:
     if not blocks:
         return []
     labels = set(METRICS["decisions"](tables).case)
-    computed = [case for case, label in tables.labels.items() if label in labels]
-    cases, remark = few(computed)
+    cases_with_tests = [case for case, label in tables.labels.items() if label in labels]
+    cases, remark = first_cases(cases_with_tests)
     return [
         *blocks,
-        *worth(tables),
+        *fault_test_benefit(tables),
         *_exclusions(tables),
         *figures(tables, "decisions", cases),
         *remark,
@@ -389,12 +389,12 @@ def _scaled_errors(total: float, source: dict[str, Any]) -> list[str]:
 
     total : mean square J of the error
     """
-    retuned = dict(source["retuned"])
+    retuned_errors = dict(source["retuned"])
     texts = []
     for factor in _SCALE_FACTORS:
         mean_square = total + (factor**2 - 1.0) * source["square"]
         text = number(np.sqrt(mean_square))
-        if factor in retuned:
-            text += f" / {number(retuned[factor])}"
+        if factor in retuned_errors:
+            text += f" / {number(retuned_errors[factor])}"
         texts.append(text)
     return texts

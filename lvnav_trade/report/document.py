@@ -8,10 +8,10 @@ import pandas as pd
 from lvnav_trade.report.blocks import Block, Text, formatted_table, words
 from lvnav_trade.report.escape import note
 from lvnav_trade.report.sentences import say
-from lvnav_trade.report.validity import when, with_evidence
-from lvnav_trade.results.evaluate import metric_in
+from lvnav_trade.report.validity import with_evidence, worst_time_text
+from lvnav_trade.results.evaluate import statement_metric
 from lvnav_trade.results.evaluation import METRICS
-from lvnav_trade.results.metric import where
+from lvnav_trade.results.metric import event_or_phase
 from lvnav_trade.results.requirements.requirements import with_unit
 from lvnav_trade.results.tables.read import Tables
 
@@ -69,13 +69,13 @@ def stated_requirements(tables: Tables) -> list[Block]:
     limits = _limits(tables)
     for requirement in tables.campaign.get("requirements") or ():
         limit = limits.get(requirement["name"]) or requirement["below"]
-        sides = metric_in(requirement).bounded_as
+        sides = statement_metric(requirement).bound_type
         population = "mixed" if requirement.get("during") else "ensemble"  # to which the probability refers
         row: dict[str, Any] = {field: str(requirement.get(field) or "") for field in _OPTIONAL}
         row |= {
             "requirement": requirement["name"],
             "bound": f"{words(requirement['metric'])} below {limit}",
-            "place": place_of(requirement),
+            "place": place_text(requirement),
             "probability": float(requirement["probability"]),
             "confidence": float(requirement.get("confidence", 0.9)),
             "interpretation": f"{sides}, {population}",
@@ -94,9 +94,9 @@ def _limits(tables: Tables) -> dict[str, str]:
     return {row.requirement: with_unit(row.limit, row.unit) for row in limits.itertuples()}
 
 
-def place_of(requirement: Mapping[str, Any]) -> str:
+def place_text(requirement: Mapping[str, Any]) -> str:
     """Return the event or phase of a requirement in words: "at injection", "during coast"."""
-    return f"{'during' if requirement.get('during') else 'at'} {words(where(requirement))}"
+    return f"{'during' if requirement.get('during') else 'at'} {words(event_or_phase(requirement))}"
 
 
 def margin_policy(tables: Tables, margins: pd.DataFrame) -> list[Block]:
@@ -108,36 +108,36 @@ def margin_policy(tables: Tables, margins: pd.DataFrame) -> list[Block]:
     policy = tables.campaign.get("margin_policy")
     if not policy or margins.empty:
         return []
-    required = _fraction(policy["required"][policy["phase"]])
-    least = margins.groupby("case", sort=False).margin_ratio.agg(lambda sizes: sizes.min(skipna=False))
-    is_sufficient = least >= required
+    required_margin = _fraction(policy["required"][policy["phase"]])
+    smallest_margins = margins.groupby("case", sort=False).margin_ratio.agg(lambda sizes: sizes.min(skipna=False))
+    is_sufficient = smallest_margins >= required_margin
     designs = []
-    for case, margin in least[~is_sufficient].items():
+    for case, margin in smallest_margins[~is_sufficient].items():
         text = "no margin" if pd.isna(margin) else f"{100.0 * margin:+.0f} %"
         designs.append(f"{case} ({text})")
-    sufficient = set(least.index[is_sufficient])
-    places = dict.fromkeys(place_of(requirement) for requirement in tables.campaign.get("requirements") or ())
+    sufficient = set(smallest_margins.index[is_sufficient])
+    places = dict.fromkeys(place_text(requirement) for requirement in tables.campaign.get("requirements") or ())
     text = say(
         "margin_policy",
         phase=policy["phase"],
-        required=required,
+        required=required_margin,
         kept=len(sufficient),
-        whole=len(least),
+        whole=len(smallest_margins),
         places=" and ".join(places),
         short=designs,
-        around=_window_margins(tables, required, sufficient),
+        around=_window_margins(tables, required_margin, sufficient),
     )
     return [Text(text, "Margin policy.")]
 
 
-def _window_margins(tables: Tables, required: float, sufficient: Collection[str]) -> str:
+def _window_margins(tables: Tables, required_margin: float, sufficient: Collection[str]) -> str:
     """Return the sentence on the cases with less than the required margin in a window around an event.
 
     Parameters
     ----------
     tables : Tables
         Tables of the results.
-    required : float
+    required_margin : float
         Required margin, as a fraction of the limit.
     sufficient : collection of str
         Labels of the cases with the required margin at the events.
@@ -150,21 +150,21 @@ def _window_margins(tables: Tables, required: float, sufficient: Collection[str]
     frame = METRICS["windows"](tables)
     frame = frame[frame.case.isin(sufficient)]
     frame = frame.assign(margin=1.0 - frame.worst / frame.limit)
-    least = frame.loc[frame.groupby("case", sort=False).margin.idxmin()]
-    short = least[least.margin < required]
-    if short.empty:
+    smallest_margins = frame.loc[frame.groupby("case", sort=False).margin.idxmin()]
+    insufficient_margins = smallest_margins[smallest_margins.margin < required_margin]
+    if insufficient_margins.empty:
         return ""
     texts = []
-    for row in short.itertuples():
-        moment = when(row, words(row.event))
+    for row in insufficient_margins.itertuples():
+        moment = worst_time_text(row, words(row.event))
         margin = f"{100.0 * row.margin:+.0f} %"
         texts.append(f"{row.case} ({margin} in {row.requirement}, {moment})")
-    cases, source = with_evidence(texts, short.by)
-    events = " and ".join(dict.fromkeys(words(short.event)))
+    cases, source = with_evidence(texts, insufficient_margins.by)
+    events = " and ".join(dict.fromkeys(words(insufficient_margins.event)))
     return say(
         "margin_around",
         kept=len(sufficient),
-        short=len(short),
+        short=len(insufficient_margins),
         events=events,
         evidence=source,
         cases=cases,

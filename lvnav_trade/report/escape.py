@@ -12,7 +12,7 @@ import jinja2
 import pandas as pd
 from jinja2.utils import htmlsafe_json_dumps
 
-from lvnav_trade.quantities.errors import visible
+from lvnav_trade.quantities.errors import visible_text
 
 _INLINE = (
     (re.compile(r"\\"), r"\\\\"),
@@ -57,10 +57,10 @@ def markdown_alt(text: object) -> str:
 
 
 def _inline(text: object, links: tuple[re.Pattern[str], str] = _LINKS) -> str:
-    escaped = str(text)
+    escaped_text = str(text)
     for pattern, replacement in (*_INLINE, links):
-        escaped = pattern.sub(replacement, escaped)
-    return escaped
+        escaped_text = pattern.sub(replacement, escaped_text)
+    return escaped_text
 
 
 def markdown_fence(text: object) -> str:
@@ -115,7 +115,7 @@ def render(template: str, **content: Any) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
         undefined=jinja2.StrictUndefined,
-        finalize=_shown,
+        finalize=_template_value,
     )
     environment.filters |= {
         **MARKDOWN,
@@ -128,9 +128,9 @@ def render(template: str, **content: Any) -> str:
     return text
 
 
-def _shown(value: Any) -> Any:
+def _template_value(value: Any) -> Any:
     """Return a value as a template prints it; hidden characters of a text become escape sequences."""
-    return visible(value) if type(value) is str else value
+    return visible_text(value) if type(value) is str else value
 
 
 def data_json(data: Any) -> str:
@@ -140,7 +140,7 @@ def data_json(data: Any) -> str:
 
 def xml_text(text: object) -> str:
     """Return a text in which characters that XML does not allow are replaced or made visible."""
-    return visible(_NOT_XML.sub("�", str(text)))
+    return visible_text(_NOT_XML.sub("�", str(text)))
 
 
 def csv_text(frame: pd.DataFrame) -> str:
@@ -152,8 +152,8 @@ def csv_text(frame: pd.DataFrame) -> str:
     for place, dtype in enumerate(safe.dtypes):
         column = safe.iloc[:, place]
         if isinstance(dtype, pd.StringDtype):  # names repeat: escape each only once
-            escaped = {name: _csv_cell(name) for name in column.unique()}
-            safe.isetitem(place, column.map(escaped))
+            escaped_names = {name: _csv_cell(name) for name in column.unique()}
+            safe.isetitem(place, column.map(escaped_names))
         elif not pd.api.types.is_numeric_dtype(dtype):
             cells = [_csv_cell(value) for value in column]
             safe.isetitem(place, cells)
@@ -163,6 +163,6 @@ def csv_text(frame: pd.DataFrame) -> str:
 def _csv_cell(value: Any) -> Any:
     if not isinstance(value, str):
         return value
-    text = visible(_BREAKS.sub(" ", value))
+    text = visible_text(_BREAKS.sub(" ", value))
     is_formula = text.lstrip().startswith(_FORMULA) and not _NUMBER.fullmatch(text)
     return f"'{text}" if is_formula else text

@@ -18,19 +18,25 @@ from lvnav_trade.report.blocks import (
     figures,
     formatted_table,
     number,
-    of,
     percent,
     table,
+    table_section,
     words,
 )
 from lvnav_trade.report.escape import note
-from lvnav_trade.report.selection import chosen_cases, deciding, distinct, few, left_out
+from lvnav_trade.report.selection import (
+    chosen_cases,
+    distinct_cases,
+    first_cases,
+    key_cases_and_quantities,
+    omission_note,
+)
 from lvnav_trade.report.validity import filter_verdict
 from lvnav_trade.results.evaluation import METRICS
 from lvnav_trade.results.evaluation.covariances import by_case
-from lvnav_trade.results.metric import where
+from lvnav_trade.results.metric import event_or_phase
 from lvnav_trade.results.requirements.improvements import ABOVE_ONLY
-from lvnav_trade.results.requirements.requirements import in_words
+from lvnav_trade.results.requirements.requirements import verdict_texts
 from lvnav_trade.results.statistics.select import final_event, flight_events, history_of
 from lvnav_trade.results.tables.read import Tables
 
@@ -66,33 +72,33 @@ _ORIGIN = (  # entries of the manifest with the origin of the results
 )
 
 
-@of("requirements", "The campaign states no requirement.")
+@table_section("requirements", "The campaign states no requirement.")
 def requirements(tables: Tables, frame: pd.DataFrame) -> list[Block]:
     """Return the table of verdicts with their numbers."""
     text = note("requirements")
     text += ", ∞ where more runs failed." if np.isinf(frame.estimate).any() else "."
     if (tables.campaign.get("monte_carlo") or {}).get("stop"):
         text += " " + note("stopping")
-    rows = in_words(frame)
+    rows = verdict_texts(frame)
     rows = rows.assign(
         probability=rows.probability.map(percent),
         confidence=rows.confidence.map(percent),
     )
-    return [table(rows.rename(columns=words)), Text(text), *_expected(tables)]
+    return [table(rows.rename(columns=words)), Text(text), *_expected_verdicts(tables)]
 
 
-@of("windows")
+@table_section("windows")
 def windows(tables: Tables, frame: pd.DataFrame) -> list[Block]:
     """Return the worst errors in the windows around the events of the requirements."""
     return [formatted_table("windows", frame.assign(by=frame.by.replace("LinCov", "linear covariance")))]
 
 
-def _expected(tables: Tables) -> list[Block]:
+def _expected_verdicts(tables: Tables) -> list[Block]:
     """Return the table of probabilities expected by linear covariance."""
-    frame = in_words(METRICS["expected_verdicts"](tables))
+    frame = verdict_texts(METRICS["expected_verdicts"](tables))
     frame = frame.assign(
         expected=expectation(frame),
-        asked=100.0 * frame.probability,
+        required=100.0 * frame.probability,
         estimate=frame.estimate.where(frame.reason != ABOVE_ONLY, "–").replace("", "–"),
         limit=frame.limit.replace("", "–"),
         remark=frame.reason.fillna(""),
@@ -113,7 +119,7 @@ def expectation(frame: pd.DataFrame) -> pd.Series[Any]:
 
 def trajectory(tables: Tables) -> list[Block]:
     """Return the tables and figures of the trajectory, once for each distinct trajectory."""
-    group = distinct(tables, "reference", ["t_s", "altitude_m"], tables.labels)
+    group = distinct_cases(tables, "reference", ["t_s", "altitude_m"], tables.labels)
     all_facts = tables.cases.set_index("case").facts
     blocks: list[Block] = []
     pictures = figures(tables, "trajectory", group)
@@ -140,32 +146,32 @@ def fact(name: str, value: float | str) -> tuple[str, str]:
         return words(name), value
     for ending, suffix, unit, factor in _FACT_UNITS:
         if name.endswith(ending):
-            displayed = value * factor
-            return f"{words(name.removesuffix(suffix))} ({unit})", f"{displayed:.5g}"
+            display_value = value * factor
+            return f"{words(name.removesuffix(suffix))} ({unit})", f"{display_value:.5g}"
     return words(name), f"{value:.5g}"
 
 
 def envelopes(tables: Tables) -> list[Block]:
     """Return the errors of all cases together, then of each case with its covariances, then the table of RMS errors."""
-    quantities = [quantity for quantity in NAVIGATION if (quantity, "3d") in tables.people]
-    key_cases, required = deciding(tables)
+    quantities = [quantity for quantity in NAVIGATION if (quantity, "3d") in tables.display_units]
+    key_cases, required_quantities = key_cases_and_quantities(tables)
     blocks: list[Block] = []
     details: list[Block] = []
-    for quantity in required or quantities:
+    for quantity in required_quantities or quantities:
         blocks.append(figure(tables, "comparison", quantity, name="compare"))
     for quantity in quantities:
-        if quantity not in required:
+        if quantity not in required_quantities:
             details.append(figure(tables, "comparison", quantity, name="compare"))
 
     cases = dict.fromkeys([*key_cases, *chosen_cases(tables)])
     pairs = [(case, quantity) for case in cases for quantity in quantities]
-    key_pairs = [(case, quantity) for case, quantity in pairs if case in key_cases and quantity in required]
+    key_pairs = [(case, quantity) for case, quantity in pairs if case in key_cases and quantity in required_quantities]
     for case, quantity in key_pairs:
         if _has_runs(tables, case, quantity):
             blocks.append(figure(tables, "quantiles", case, quantity))
     for case, quantity in key_pairs:
         blocks.append(figure(tables, "envelope", case, quantity))
-    details += left_out(tables)
+    details += omission_note(tables)
     for case, quantity in pairs:
         if (case, quantity) not in key_pairs:
             details.append(figure(tables, "envelope", case, quantity))
@@ -202,14 +208,14 @@ def _places(tables: Tables) -> dict[str, set[str]]:
 
     With many cases only the events of requirements and the final event.
     """
-    required = {where(requirement) for requirement in tables.campaign.get("requirements") or ()}
-    required.add(str((tables.campaign.get("covariance") or {}).get("at") or ""))
+    required_events = {event_or_phase(requirement) for requirement in tables.campaign.get("requirements") or ()}
+    required_events.add(str((tables.campaign.get("covariance") or {}).get("at") or ""))
     places = {}
     for case, label in tables.labels.items():
         if len(tables.labels) <= _FEW:
             events = set(separate_events(tables, case).event)
         else:
-            events = required & set(flight_events(tables, case).event)
+            events = required_events & set(flight_events(tables, case).event)
             events.add(final_event(tables, case))
         places[label] = {"flight", *events}
     return places
@@ -236,13 +242,13 @@ def consistency(tables: Tables) -> list[Block]:
         Text(note("consistency")),
         formatted_table("filter_verdicts", verdicts),
         formatted_table("consistency", frame),
-        *left_out(tables),
+        *omission_note(tables),
     ]
-    without = frame.case[(frame.test == "ANEES") & (frame.time_count == 0)]
-    if len(without):
+    cases_without_anees = frame.case[(frame.test == "ANEES") & (frame.time_count == 0)]
+    if len(cases_without_anees):
         text = (
-            f"No ANEES of {'; '.join(without)}: the filter assumes that a state is known exactly, such as an "
-            "extra state whose error the truth does not have. Its covariance has no inverse."
+            f"No ANEES of {'; '.join(cases_without_anees)}: the filter assumes that a state is known exactly, such as "
+            "an extra state whose error the truth does not have. Its covariance has no inverse."
         )
         blocks.append(Text(text))
     for case in chosen_cases(tables):
@@ -250,7 +256,7 @@ def consistency(tables: Tables) -> list[Block]:
     return blocks + _whiteness(tables)
 
 
-@of("whiteness")
+@table_section("whiteness")
 def _whiteness(tables: Tables, frame: pd.DataFrame) -> list[Block]:
     """Return the channel with the largest autocorrelation of each case, and the number of coloured channels."""
     frame = frame.assign(size=frame.largest_ratio.abs())
@@ -279,8 +285,8 @@ def agreement(tables: Tables) -> list[Block]:
         sources.append(source)
     innovations = tables.innovations.groupby("case", sort=False)
     false_rejections = innovations.false_rejection_ratio.max() * 100
-    rejected = [false_rejections.get(case, 0.0) for case in tables.labels]
-    cases = cases.assign(source=sources, rejected=rejected[: len(cases)])
+    rejection_percents = [false_rejections.get(case, 0.0) for case in tables.labels]
+    cases = cases.assign(source=sources, rejected=rejection_percents[: len(cases)])
     blocks: list[Block] = [Text(note("agreement", alpha=alpha)), formatted_table("agreement", cases)]
     for row in cases.itertuples():
         if row.reason:
@@ -290,29 +296,32 @@ def agreement(tables: Tables) -> list[Block]:
     if len(differing):
         distance = (differing.ratio - 1.0).abs()
         differing = differing.assign(distance=distance)
-        furthest = differing.nlargest(12, "distance")
-        furthest = furthest.drop(columns="distance").rename(columns=words)
-        blocks.append(table(furthest, "Largest disagreements (at most 12)."))
-    return blocks + _controlled(tables)
+        largest_rows = differing.nlargest(12, "distance")
+        largest_rows = largest_rows.drop(columns="distance").rename(columns=words)
+        blocks.append(table(largest_rows, "Largest disagreements (at most 12)."))
+    return blocks + _control_variates(tables)
 
 
-@of("control_variates")
-def _controlled(tables: Tables, frame: pd.DataFrame) -> list[Block]:
+@table_section("control_variates")
+def _control_variates(tables: Tables, frame: pd.DataFrame) -> list[Block]:
     return [formatted_table("controlled", frame, event=words(frame.event.iloc[0])), Text(note("controlled"))]
 
 
-@of("outages", "No fault in any case.")
+@table_section("outages", "No fault in any case.")
 def outages(tables: Tables, frame: pd.DataFrame) -> list[Block]:
     """Return the errors before, during and after every fault."""
     frame = frame.assign(fault=words(frame.fault), metric=words(frame.metric))
     return [formatted_table("outages", frame)]
 
 
-@of("references", "The campaign names no published number.")
+@table_section("references", "The campaign names no published number.")
 def references(tables: Tables, frame: pd.DataFrame) -> list[Block]:
     """Return published numbers next to the computed numbers."""
-    inside = int(frame.in_band.sum())
-    return [Text(f"{inside} of {len(frame)} numbers are within their band."), formatted_table("references", frame)]
+    inside_count = int(frame.in_band.sum())
+    return [
+        Text(f"{inside_count} of {len(frame)} numbers are within their band."),
+        formatted_table("references", frame),
+    ]
 
 
 def reproduce(tables: Tables) -> list[Block]:
@@ -321,13 +330,13 @@ def reproduce(tables: Tables) -> list[Block]:
     rows = tuple((words(key), str(manifest[key])) for key in _ORIGIN if manifest.get(key))
     return [
         Text(note("reproduce")),
-        Text("lvnav-trade run campaign.resolved.yaml --out again\nlvnav-trade report .", kind="code"),
+        Text("lvnav-trade run campaign.resolved.yaml --out again\nlvnav-trade report .", block_type="code"),
         Table(("item", "value"), rows, (False, False), "Origin of these results."),
         formatted_table("cases", tables.cases),
     ]
 
 
-@of("stops")
+@table_section("stops")
 def logic_tables(tables: Tables, frame: pd.DataFrame) -> list[Block]:
     """Return the mode logic of the filters in tables: starts, stops, restarts, and transitions by type."""
     ratios = ["started_ratio", "corrected_ratio", "ended_ratio"]
@@ -335,7 +344,7 @@ def logic_tables(tables: Tables, frame: pd.DataFrame) -> list[Block]:
     return [formatted_table("stops", percents), *_changes(tables)]
 
 
-@of("mode_transitions")
+@table_section("mode_transitions")
 def _changes(tables: Tables, frame: pd.DataFrame) -> list[Block]:
     return [formatted_table("logic", frame.assign(run_ratio=100.0 * frame.run_ratio))]
 
@@ -344,5 +353,5 @@ def logic(tables: Tables) -> list[Block]:
     """Return the mode logic of the filters in tables, and figures of the modes over time."""
     cases = tables.cases.case[tables.cases.logic.eq(True)]
     columns = [name for name in tables.mode_transitions.columns if name != "case"]
-    group, more = few(distinct(tables, "mode_transitions", columns, cases))
-    return [*logic_tables(tables), *figures(tables, "logic", group), *more]
+    group, remark = first_cases(distinct_cases(tables, "mode_transitions", columns, cases))
+    return [*logic_tables(tables), *figures(tables, "logic", group), *remark]

@@ -2,19 +2,29 @@
 
 import pandas as pd
 
-from lvnav_trade.report.blocks import Block, Picture, Text, figure, figures, formatted_table, number, of, words
+from lvnav_trade.report.blocks import (
+    Block,
+    Picture,
+    Text,
+    figure,
+    figures,
+    formatted_table,
+    number,
+    table_section,
+    words,
+)
 from lvnav_trade.report.escape import note
-from lvnav_trade.report.selection import chosen_cases, few, left_out
+from lvnav_trade.report.selection import chosen_cases, first_cases, omission_note
 from lvnav_trade.results.evaluation import METRICS
 from lvnav_trade.results.tables.read import Tables
 
 _CONTROL_CASES = 4  # largest number of cases with figures of the vehicle under control
 
 
-@of("orbit", "No case ends in an orbit that clears the ground.")
+@table_section("orbit", "No case ends in an orbit that clears the ground.")
 def orbit(tables: Tables, frame: pd.DataFrame) -> list[Block]:
     """Return the orbit at the final event with the errors of its estimate, and the correction manoeuvre."""
-    blocks: list[Block] = [Text(note("orbit")), *left_out(tables)]
+    blocks: list[Block] = [Text(note("orbit")), *omission_note(tables)]
     for case, label in chosen_cases(tables).items():
         elements = frame[frame.case == label]
         if elements.empty:
@@ -42,20 +52,20 @@ def _normality_warning(tables: Tables, label: str) -> list[Block]:
     if rows.empty:
         return []
     skewed_errors = [f"{row.quantity} (skewness {row.skewness:+.2g})" for row in rows.itertuples()]
-    skewed = ", ".join(skewed_errors)
+    error_list = ", ".join(skewed_errors)
     p_value = rows.p_ratio.max()
     chance = f"chance below {p_value:.1g} for a Gaussian" if p_value > 0.0 else "no Gaussian"
     text = (
-        f"The errors of {skewed} are not Gaussian ({rows.runs.iloc[0]} runs, {chance}): "
+        f"The errors of {error_list} are not Gaussian ({rows.runs.iloc[0]} runs, {chance}): "
         "the 3-sigma ellipse, a first-order covariance, does not describe them; quantiles do."
     )
     return [Text(text, "Warning:")]
 
 
-@of("impact", "No stored state of any case has a point of impact.")
+@table_section("impact", "No stored state of any case has a point of impact.")
 def impact(tables: Tables, frame: pd.DataFrame) -> list[Block]:
     """Return the impact points with their ellipses, and the verdict on the corridor."""
-    blocks: list[Block] = [Text(note("impact")), *_corridor(tables), *left_out(tables)]
+    blocks: list[Block] = [Text(note("impact")), *_corridor(tables), *omission_note(tables)]
     for case, label in chosen_cases(tables).items():
         case_rows = frame[frame.case == label]
         events = case_rows[case_rows.event != ""]
@@ -72,7 +82,7 @@ def impact(tables: Tables, frame: pd.DataFrame) -> list[Block]:
     return blocks
 
 
-@of("corridor")
+@table_section("corridor")
 def _corridor(tables: Tables, frame: pd.DataFrame) -> list[Block]:
     rows = frame.assign(
         least=100.0 * frame.expected_probability,
@@ -81,7 +91,7 @@ def _corridor(tables: Tables, frame: pd.DataFrame) -> list[Block]:
     return [Text(note("corridor")), formatted_table("corridor", rows)]
 
 
-@of("rate_and_acceleration")
+@table_section("rate_and_acceleration")
 def motion_table(tables: Tables, frame: pd.DataFrame) -> list[Block]:
     """Return by how much the estimates of rate and acceleration improve on the raw samples, and whether the errors
     match the filter's covariance.
@@ -104,8 +114,8 @@ def motion_summary(tables: Tables) -> list[Block]:
         return []
     frame = METRICS["rate_and_acceleration"](tables)
     outputs = tables.outputs
-    estimated = set(outputs.case[outputs.quantity == "rate"].map(tables.labels))
-    frame = frame[frame.case.isin(estimated)]
+    estimating_cases = set(outputs.case[outputs.quantity == "rate"].map(tables.labels))
+    frame = frame[frame.case.isin(estimating_cases)]
     if frame.empty:
         return []
     lines = []
@@ -145,16 +155,16 @@ def observed_table(tables: Tables) -> list[Block]:
 
 def motion(tables: Tables) -> list[Block]:
     """Return tables and figures of rate and acceleration for every case that estimates them."""
-    estimated = set(zip(tables.outputs.case, tables.outputs.quantity, strict=True))
+    estimated_quantities = set(zip(tables.outputs.case, tables.outputs.quantity, strict=True))
     blocks = motion_table(tables)
     for case in tables.labels:
         for quantity in ("rate", "acceleration"):
-            if (case, quantity) in estimated:
+            if (case, quantity) in estimated_quantities:
                 blocks.append(figure(tables, "motion", case, quantity))
     return blocks
 
 
-@of("allan")
+@table_section("allan")
 def allan(tables: Tables, frame: pd.DataFrame) -> list[Block]:
     """Return the Allan deviations of the IMUs at the averaging times nearest to whole decades.
 
@@ -168,7 +178,7 @@ def allan(tables: Tables, frame: pd.DataFrame) -> list[Block]:
                 distance = (curve.tau_s / t - 1.0).abs()
                 nearest.append(int(distance.idxmin()))
     rows = frame.loc[list(dict.fromkeys(nearest))]
-    deviations = formatted_table("allan", rows, alike=True)
+    deviations = formatted_table("allan", rows, combines_cases=True)
     pictures = _case_pictures(tables, "allan", frame)
     return [Text(note("allan")), deviations, *pictures]
 
@@ -183,7 +193,7 @@ def _case_pictures(tables: Tables, plot: str, frame: pd.DataFrame) -> list[Pictu
     return pictures
 
 
-@of("exclusions")
+@table_section("exclusions")
 def exclusions(tables: Tables, frame: pd.DataFrame) -> list[Block]:
     """Return the excluded IMUs, with the number of runs and the times."""
     percents = frame.assign(
@@ -194,7 +204,7 @@ def exclusions(tables: Tables, frame: pd.DataFrame) -> list[Block]:
     return [Text(note("exclusions")), formatted_table("exclusions", percents)]
 
 
-@of("protection")
+@table_section("protection")
 def protection(tables: Tables, frame: pd.DataFrame) -> list[Block]:
     """Return the protection levels of every case, the rate at which errors of the runs exceed them, and figures of
     both.
@@ -206,7 +216,7 @@ def protection(tables: Tables, frame: pd.DataFrame) -> list[Block]:
     return [
         Text(note("protection", **numbers)),
         formatted_table("protection", percents),
-        *left_out(tables),
+        *omission_note(tables),
         *pictures,
     ]
 
@@ -222,17 +232,17 @@ def control_tables(tables: Tables, brief: bool = False) -> list[Block]:
     if travel.empty:
         return []
     if brief:
-        scaled = [
+        scaled_cases = [
             tables.labels[case] for case, levels in tables.levels.items() if float(levels.get("rate_gain", 1.0)) != 1.0
         ]
-        travel = travel[~travel.case.isin(scaled)]
-        motion_rows = motion_rows[~motion_rows.case.isin(scaled)]
-    filtered = motion_rows[motion_rows.controller_rate == "filtered"].drop(columns="controller_rate")
+        travel = travel[~travel.case.isin(scaled_cases)]
+        motion_rows = motion_rows[~motion_rows.case.isin(scaled_cases)]
+    filtered_rows = motion_rows[motion_rows.controller_rate == "filtered"].drop(columns="controller_rate")
     return [
         Text(note("nozzle")),
         formatted_table("nozzle", travel),
         formatted_table("worth", METRICS["rate_filter_benefit"](tables)),
-        formatted_table("turning", filtered),
+        formatted_table("turning", filtered_rows),
     ]
 
 
@@ -254,7 +264,7 @@ _LEAST_SHARE = 0.01  # smallest share of the variance of a source in the table
 _SHOWN = ("semi_major_axis", "eccentricity_along_node", "eccentricity_ahead_of_node", "inclination")  # in the report
 
 
-@of("injection")
+@table_section("injection")
 def injection(tables: Tables, frame: pd.DataFrame) -> list[Block]:
     """Return the errors of the achieved orbits with their contributions, how the runs end, and figures."""
     blocks: list[Block] = [Text(note("injection")), formatted_table("injection", frame)]
@@ -272,12 +282,12 @@ def injection(tables: Tables, frame: pd.DataFrame) -> list[Block]:
     high = ends.high_ratio.map("{:.3g}".format)
     interval = (low + " to " + high).where(ends.runs > 0, "-")
     blocks.append(formatted_table("cutoff", ends.assign(interval=interval)))
-    failed = METRICS["failed_injections"](tables)
-    lost = failed.groupby("case", sort=False).head(_LOST_SHOWN)
-    if len(lost):
-        blocks.append(formatted_table("lost", lost))
+    failed_injections = METRICS["failed_injections"](tables)
+    shown_failures = failed_injections.groupby("case", sort=False).head(_LOST_SHOWN)
+    if len(shown_failures):
+        blocks.append(formatted_table("lost", shown_failures))
     labels = set(ends.case)
     guided_cases = [case for case, label in tables.labels.items() if label in labels]
-    guided, remark = few(guided_cases)
-    pictures = figures(tables, "injection", guided)
+    shown_cases, remark = first_cases(guided_cases)
+    pictures = figures(tables, "injection", shown_cases)
     return [*blocks, *pictures, *remark]

@@ -16,8 +16,8 @@ from lvnav_trade.quantities.errors import InputError, writing
 from lvnav_trade.quantities.frames import ecef_from_geodetic, geodetic_from_ecef, rotation_e_n
 from lvnav_trade.quantities.records import Floats
 from lvnav_trade.report.escape import render
-from lvnav_trade.results.statistics.probability import outline_of
-from lvnav_trade.results.tables.contents import damaged
+from lvnav_trade.results.statistics.probability import ellipse_points
+from lvnav_trade.results.tables.contents import damaged_file_error
 from lvnav_trade.results.tables.read import Tables
 
 SIGMAS = 3.0
@@ -41,7 +41,7 @@ class KmlFlight(NamedTuple):
     ellipses: Mapping[float, Floats] = MappingProxyType({})
 
 
-def flights(tables: Tables, ellipses: bool, every: float) -> list[KmlFlight]:
+def flights(tables: Tables, ellipses: bool, interval: float) -> list[KmlFlight]:
     """Return the flight of every case in a folder of results.
 
     Parameters
@@ -51,7 +51,7 @@ def flights(tables: Tables, ellipses: bool, every: float) -> list[KmlFlight]:
     ellipses : bool
         Whether to add error ellipses: at the events whose covariance is stored in full, and along the history, which
         stores the sigma of each axis only.
-    every : float
+    interval : float
         Interval (s) of the ellipses along the history.
 
     Raises
@@ -65,30 +65,30 @@ def flights(tables: Tables, ellipses: bool, every: float) -> list[KmlFlight]:
     for case, label in tables.labels.items():
         reference = tables.reference[tables.reference["case"] == case]
         if reference.empty:
-            raise damaged(tables.folder / "reference.parquet", f"no rows of the case {label}")
+            raise damaged_file_error(tables.folder / "reference.parquet", f"no rows of the case {label}")
         flight = KmlFlight(
             name=label or "flight",
             reference=reference,
             events=tables.events[tables.events["case"] == case],
-            ellipses=_ellipses(tables, case, every) if ellipses else {},
+            ellipses=_ellipses(tables, case, interval) if ellipses else {},
         )
         case_flights.append(flight)
     return case_flights
 
 
-def _ellipses(tables: Tables, case: str, every: float) -> dict[float, Floats]:
+def _ellipses(tables: Tables, case: str, interval: float) -> dict[float, Floats]:
     """Return the covariances of the ellipses of a case, (3, 3) in m^2, north, east, down, by time (s).
 
-    every : interval (s) of the ellipses along the history
+    interval : interval (s) of the ellipses along the history
     """
-    ellipses = _history_ellipses(tables, case, every) | _event_ellipses(tables, case)
+    ellipses = _history_ellipses(tables, case, interval) | _event_ellipses(tables, case)
     return dict(sorted(ellipses.items()))
 
 
-def _history_ellipses(tables: Tables, case: str, every: float) -> dict[float, Floats]:
+def _history_ellipses(tables: Tables, case: str, interval: float) -> dict[float, Floats]:
     """Return diagonal covariances along the history, at the stored times nearest to multiples of an interval.
 
-    every : interval (s), counted from the first stored time
+    interval : interval (s), counted from the first stored time
     """
     axes = list(_AXES)
     rows = tables.history
@@ -98,7 +98,7 @@ def _history_ellipses(tables: Tables, case: str, every: float) -> dict[float, Fl
     if sigma.empty:
         return {}
     times = sigma.index.to_numpy()
-    instants = np.arange(times[0], times[-1] + 0.5 * every, every)
+    instants = np.arange(times[0], times[-1] + 0.5 * interval, interval)
     distance = np.abs(times[:, None] - instants)
     nearest = distance.argmin(axis=0)
     covariances = {}
@@ -126,14 +126,14 @@ def _event_ellipses(tables: Tables, case: str) -> dict[float, Floats]:
     return covariances
 
 
-def write_kml(file: Path, title: str, drawn: Sequence[KmlFlight], magnify: float = 1.0) -> Path:
+def write_kml(file: Path, title: str, kml_flights: Sequence[KmlFlight], magnify: float = 1.0) -> Path:
     """Write trajectories as KML 2.2 and return the file.
 
     Parameters
     ----------
     file : Path
         File to be written.
-    title, drawn, magnify
+    title, kml_flights, magnify
         As in `kml`.
 
     Raises
@@ -142,18 +142,18 @@ def write_kml(file: Path, title: str, drawn: Sequence[KmlFlight], magnify: float
         The file cannot be written.
     """
     with writing(file, "cannot be written"):
-        file.write_bytes(kml(title, drawn, magnify))
+        file.write_bytes(kml(title, kml_flights, magnify))
     return file
 
 
-def kml(title: str, drawn: Sequence[KmlFlight], magnify: float = 1.0) -> bytes:
+def kml(title: str, kml_flights: Sequence[KmlFlight], magnify: float = 1.0) -> bytes:
     """Return flights as KML 2.2.
 
     Parameters
     ----------
     title : str
         Name of the document.
-    drawn : sequence of KmlFlight
+    kml_flights : sequence of KmlFlight
         The flights.
     magnify : float
         Factor on the size of the 3-sigma ellipses.
@@ -165,7 +165,7 @@ def kml(title: str, drawn: Sequence[KmlFlight], magnify: float = 1.0) -> bytes:
     its placemark gives the ellipsoid.
     """
     folders = []
-    for flight, colour in zip(drawn, cycle(_COLOURS), strict=False):
+    for flight, colour in zip(kml_flights, cycle(_COLOURS), strict=False):
         reference = flight.reference
         events = flight.events
         folders.append(
@@ -229,7 +229,7 @@ def _ellipse(flight: KmlFlight, time: float, covariance: Floats, magnify: float)
     )
     row = _nearest_row(flight, time)
     position = (row.latitude_rad, row.longitude_rad)
-    outline_n = outline_of(covariance[:2, :2], magnify * SIGMAS, _CORNERS + 1)  # north, east
+    outline_n = ellipse_points(covariance[:2, :2], magnify * SIGMAS, _CORNERS + 1)  # north, east
     C_e_n = rotation_e_n(*position)
     outline_e = outline_n @ C_e_n[:2]
     centre_e = ecef_from_geodetic(*position, row.altitude_m)

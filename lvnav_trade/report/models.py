@@ -12,13 +12,13 @@ from typing import Any
 
 import pandas as pd
 
-from lvnav_trade.campaign.definition.metric_names import of_sensors
+from lvnav_trade.campaign.definition.metric_names import sensor_entries
 from lvnav_trade.report.blocks import Block, Text, formatted_table
 from lvnav_trade.report.escape import note, source
 from lvnav_trade.results.evaluation.resources import scenario_of
-from lvnav_trade.results.tables.read import Tables, once
+from lvnav_trade.results.tables.read import Tables, cache_result
 
-_OF = {"sensors": of_sensors}
+_OF = {"sensors": sensor_entries}
 Conditions = Mapping[str, Any] | Sequence[Mapping[str, Any]]
 _FEW = 2  # up to this number of cases, each is named
 _CHECK = ("by", "shown", "test")  # columns of a check
@@ -41,19 +41,19 @@ def registry() -> dict[str, Any]:
 def is_used(entry: Mapping[str, Any], scenario: Mapping[str, Any]) -> bool:
     """Return whether a scenario, as nested mappings and lists, uses the model of an entry."""
     named_conditions = registry()["where"][entry["where"]] if "where" in entry else {}
-    return _hold(entry["used"], scenario) and _hold(named_conditions, scenario)
+    return _is_met(entry["used"], scenario) and _is_met(named_conditions, scenario)
 
 
-def _hold(conditions: Conditions, scenario: Mapping[str, Any]) -> bool:
+def _is_met(conditions: Conditions, scenario: Mapping[str, Any]) -> bool:
     """Return whether at least one set of conditions is satisfied by a scenario."""
     sets = [conditions] if isinstance(conditions, Mapping) else conditions
     for condition_set in sets:
-        if all(_matches(list(at(scenario, path)), accepted) for path, accepted in condition_set.items()):
+        if all(_matches(list(values_at(scenario, path)), condition) for path, condition in condition_set.items()):
             return True
     return False
 
 
-def at(data: Any, path: str) -> Iterator[Any]:
+def values_at(data: Any, path: str) -> Iterator[Any]:
     """Yield the values at a dotted path of nested mappings and lists.
 
     Lists are yielded item by item; `*` matches every item or entry.
@@ -69,16 +69,16 @@ def at(data: Any, path: str) -> Iterator[Any]:
         elif isinstance(data, Mapping):
             items = data.values()
         for item in items:
-            yield from at(item, remainder)
+            yield from values_at(item, remainder)
     elif isinstance(data, Mapping) and key in data:
-        yield from at(data[key], remainder)
+        yield from values_at(data[key], remainder)
 
 
-def _matches(values: list[Any], accepted: Any) -> bool:
+def _matches(values: list[Any], condition: Any) -> bool:
     """Return whether any value is accepted: one of some values, or (True, False) whether something is set."""
-    if isinstance(accepted, bool):
-        return any(map(_is_something, values)) is accepted
-    accepted_values = accepted if isinstance(accepted, list) else [accepted]
+    if isinstance(condition, bool):
+        return any(map(_is_something, values)) is condition
+    accepted_values = condition if isinstance(condition, list) else [condition]
     return any(value in accepted_values for value in values)
 
 
@@ -100,7 +100,7 @@ def scenarios(tables: Tables) -> dict[str, Any]:
     return {tables.labels[case]: scenario_of(tables, case) for case in tables.levels}
 
 
-@once
+@cache_result
 def evidence(tables: Tables) -> pd.DataFrame:
     """Return a row for each check of each model that the campaign uses.
 
@@ -133,15 +133,15 @@ def models(tables: Tables) -> list[Block]:
     groups = frame.groupby("model", sort=False)
     rows = groups.first().reset_index()
     rows = rows.assign(
-        checks=[_in_words(checks) for _, checks in groups],
-        cases=[_few(row.cases, row.case_count) for row in rows.itertuples()],
+        checks=[_check_sentences(checks) for _, checks in groups],
+        cases=[_case_text(row.cases, row.case_count) for row in rows.itertuples()],
     )
     if (rows.cases == "all").all():
         rows = rows.drop(columns="cases")
     return [Text(note("models")), formatted_table("models", rows)]
 
 
-def _in_words(checks: pd.DataFrame) -> str:
+def _check_sentences(checks: pd.DataFrame) -> str:
     """Return the checks of a model as sentences, one for each type of evidence."""
     groups = checks[checks.by != ""].groupby("by", sort=False)
     sentences = []
@@ -151,7 +151,7 @@ def _in_words(checks: pd.DataFrame) -> str:
     return " ".join(sentences) or "Nothing independent."
 
 
-def _few(cases: str, count: int) -> str:
+def _case_text(cases: str, count: int) -> str:
     if cases == "all" or count <= _FEW:
         return cases
     return f"{count} cases"

@@ -85,8 +85,8 @@ def _cells(row: pd.Series | None) -> tuple[str, str, str]:
             remark += " input"
         ratio = f"{number(row.ratio)}{remark}"
         return f"{row.published:g}", number(row.ours), ratio
-    published = _PUBLISHED.search(str(row.remark))
-    word = published[1] if published else ""
+    published_match = _PUBLISHED.search(str(row.remark))
+    word = published_match[1] if published_match else ""
     return _WORDS.get(word, word), number(row.ours), remark.strip() or "as printed"
 
 
@@ -108,7 +108,7 @@ def mistakes(study: StudyCard, questions: Sequence[StudySection], script: StudyS
         lists = [campaign.model_dump(mode="json")["references"], *script.entries(campaign.name).values()]
         items[campaign.name] = {str(entry["item"]) for entries in lists for entry in entries}
     all_items: set[str] = set().union(*items.values())
-    study_file = questions[0].written if questions else None
+    study_file = questions[0].source_tree if questions else None
     if study_file is None:
         return
     for place, table in enumerate(study.printed):

@@ -22,25 +22,25 @@ _COLUMNS = (
 )
 
 
-def page(done: FilteredLog, campaign: Campaign) -> tuple[str, str, list[Section]]:
+def page(filtered_log: FilteredLog, campaign: Campaign) -> tuple[str, str, list[Section]]:
     """Return title, introduction and sections of the report on a processed log."""
     blocks: list[Block] = [
-        Text(done.card.source),
-        Text(note("recorded", campaign=campaign.name, alignment=_alignment(done))),
+        Text(filtered_log.card.source),
+        Text(note("recorded", campaign=campaign.name, alignment=_alignment(filtered_log))),
     ]
-    blocks += [Text(f"{remark}.") for remark in done.notes]
-    blocks.append(table(done.summary, "Outages by case and length.", _COLUMNS))
-    blocks += [Text(text) for text in _filter_remarks(done)]
+    blocks += [Text(f"{remark}.") for remark in filtered_log.notes]
+    blocks.append(table(filtered_log.summary, "Outages by case and length.", _COLUMNS))
+    blocks += [Text(text) for text in _filter_remarks(filtered_log)]
     caption = note("outages_of_log", "figures")
-    blocks.append(Picture("outages", outages_of_log(done.outages), caption))
+    blocks.append(Picture("outages", outages_of_log(filtered_log.outages), caption))
     section = Section("outages", "Outages", blocks)
-    return done.card.name, "Outages withheld from a recorded log", [section]
+    return filtered_log.card.name, "Outages withheld from a recorded log", [section]
 
 
-def _alignment(done: FilteredLog) -> str:
+def _alignment(filtered_log: FilteredLog) -> str:
     """Return the description of the initial alignment."""
-    alignment = done.alignment
-    if done.card.heading is not None:
+    alignment = filtered_log.alignment
+    if filtered_log.card.heading is not None:
         heading_source = "stated"
     else:
         heading_source = f"from the motion, one sigma {np.degrees(alignment.heading_sigma):.2g} deg"
@@ -51,9 +51,9 @@ def _alignment(done: FilteredLog) -> str:
     )
 
 
-def _filter_remarks(done: FilteredLog) -> Iterator[str]:
+def _filter_remarks(filtered_log: FilteredLog) -> Iterator[str]:
     """Yield a sentence for each case and length of outage in which the filter does not match its errors."""
-    for row in done.summary.itertuples():
+    for row in filtered_log.summary.itertuples():
         remark = _filter_remark(row)
         if remark:
             yield f"{row.case}, {row.length_s:g} s: {remark}."

@@ -19,22 +19,22 @@ from lvnav_trade.report.escape import csv_text
 from lvnav_trade.report.script import StudyResult, StudyScript
 from lvnav_trade.report.study import (
     APPENDIX,
-    agreed,
+    agreement_rows,
     agreements,
     answer,
     assumptions,
+    campaign_row,
     campaign_section,
     flight_of,
-    frame_of,
     heading,
-    line_of,
+    join_frames,
     published_frame,
+    published_table,
     reproduce,
-    together,
 )
-from lvnav_trade.results.evaluation.published import COLUMNS, MARKS, evidence, marks, reproduced, verdict_in_band
-from lvnav_trade.results.statistics.select import in_units
-from lvnav_trade.results.tables.contents import owned
+from lvnav_trade.results.evaluation.published import COLUMNS, MARKS, is_evidence, is_reproduced, marks, verdict_in_band
+from lvnav_trade.results.statistics.select import with_display_units
+from lvnav_trade.results.tables.contents import owned_folder
 
 _ANSWER, _ASSUMPTIONS, _REPRODUCE = "Answer", "Assumptions", "How to reproduce"
 _EARLIER = "Monte Carlo against linear covariance"  # appendix of reports of earlier versions, with every case
@@ -103,52 +103,52 @@ def renew(
     campaigns: Sequence[Campaign],
     folder: Path | str,
     script: StudyScript,
-    answered: Sequence[StudyResult],
+    study_results: Sequence[StudyResult],
 ) -> Path:
     """Update a stored study report with new results of some campaigns, and recount all of it.
 
     study, folder, script : as in `recount`
     campaigns : all campaigns of the study, in order
-    answered : campaigns with new results; rows, figures and sections of the others are unchanged
+    study_results : new results; rows, figures and sections of the other campaigns are unchanged
 
     InputError if the folder has no such report. Returns report.md.
     """
     place = Path(folder)
-    target = owned(place, "study")
+    target = owned_folder(place, "study")
     page = _stored_page(place)
     names = [campaign.name for campaign in campaigns]
-    answered = [result._replace(tables=in_units(result.tables, study.units)) for result in answered]
-    new = {result.part.campaign: result for result in answered}
-    published = [published_frame(result, script) for result in answered]
-    unchanged = _unchanged_rows(place, campaigns, script, new)
-    unchanged_lines = _campaign_lines(page.sections[_ANSWER], unchanged)
-    with_results = {line["campaign"] for line in unchanged_lines} | set(new)
+    study_results = [result._replace(tables=with_display_units(result.tables, study.units)) for result in study_results]
+    new_results = {result.study_campaign.campaign: result for result in study_results}
+    frames = [published_frame(result, script) for result in study_results]
+    unchanged_rows = _unchanged_rows(place, campaigns, script, new_results)
+    unchanged_lines = _campaign_lines(page.sections[_ANSWER], unchanged_rows)
+    with_results = {line["campaign"] for line in unchanged_lines} | set(new_results)
 
-    rows = _sort_rows([unchanged, together(answered, published)], names)
-    further = script.further_rows([campaign for campaign in campaigns if campaign.name not in with_results])
-    if further:
-        rows = pd.concat([rows, frame_of(further)], ignore_index=True)
+    rows = _sort_rows([unchanged_rows, join_frames(study_results, frames)], names)
+    further_rows = script.further_rows([campaign for campaign in campaigns if campaign.name not in with_results])
+    if further_rows:
+        rows = pd.concat([rows, published_table(further_rows)], ignore_index=True)
 
     lines = {line["campaign"]: line for line in _campaign_lines(page.sections[_ANSWER], rows)}
-    lines |= {name: line_of(result, rows) for name, result in new.items()}
+    lines |= {name: campaign_row(result, rows) for name, result in new_results.items()}
     sections = [
         answer(study, rows, script, [lines[name] for name in names if name in lines]),
         *assumptions(study),
     ]
-    for result, frame in zip(answered, published, strict=True):
+    for result, frame in zip(study_results, frames, strict=True):
         sections.append(campaign_section(result, frame, script))
 
     files: dict[str, bytes] = {
         **pictures(sections),
         "references.csv": csv_text(rows).encode(),
-        "agreement.csv": csv_text(_agreement_rows(place, answered, names)).encode(),
-        "report.md": _page_bytes(_renewed_page(page, study, sections, answered, names)),
+        "agreement.csv": csv_text(_agreement_rows(place, study_results, names)).encode(),
+        "report.md": _page_bytes(_renewed_page(page, study, sections, study_results, names)),
     }
-    for name, result in new.items():
-        if result.part.kml is not None:
-            files[f"{name}.kml"] = flight_of(result, result.part.kml)
-    figures_of_new = tuple(f"figures/{name}-" for name in new)
-    earlier_figures = {name for name in target.listed("study") if name.startswith(figures_of_new)}
+    for name, result in new_results.items():
+        if result.study_campaign.kml is not None:
+            files[f"{name}.kml"] = flight_of(result, result.study_campaign.kml)
+    figures_of_new = tuple(f"figures/{name}-" for name in new_results)
+    earlier_figures = {name for name in target.listed_names("study") if name.startswith(figures_of_new)}
     with writing(place, "the study cannot be kept there"):
         target.claim("study", files)
         for name, content in files.items():
@@ -158,35 +158,35 @@ def renew(
 
 
 def _unchanged_rows(
-    place: Path, campaigns: Sequence[Campaign], script: StudyScript, new: Collection[str]
+    place: Path, campaigns: Sequence[Campaign], script: StudyScript, new_campaigns: Collection[str]
 ) -> pd.DataFrame:
-    """Return the stored rows of the campaigns that are not in `new`, with their present items and marks."""
-    stored = _stored_rows(place)
-    is_new = _campaign_names(stored).isin(list(new))
-    unchanged = stored[(stored["case"] != "") & ~is_new]
-    return _mark_rows(unchanged, _study_entries(campaigns, script))
+    """Return the stored rows of the campaigns that are not in `new_campaigns`, with their present items and marks."""
+    stored_rows = _stored_rows(place)
+    is_new = _campaign_names(stored_rows).isin(list(new_campaigns))
+    unchanged_rows = stored_rows[(stored_rows["case"] != "") & ~is_new]
+    return _mark_rows(unchanged_rows, _study_entries(campaigns, script))
 
 
 def _renewed_page(
     page: _Page,
     study: StudyCard,
     sections: Sequence[Section],
-    answered: Sequence[StudyResult],
+    study_results: Sequence[StudyResult],
     names: Sequence[str],
 ) -> _Page:
     """Return a stored report with new sections, and with updated lines of some campaigns in common tables.
 
     page : the stored report
     sections : sections to replace or insert
-    answered : campaigns with new results
+    study_results : new results
     names : names of all campaigns, in order
     """
-    new = [result.part.campaign for result in answered]
+    new_campaigns = [result.study_campaign.campaign for result in study_results]
     page = _insert_sections(page, sections, [heading(name) for name in names])
     head = markdown_page(study.title, study.description.strip(), [])
-    _merge_lines(page.sections, reproduce(study, answered), _REPRODUCE, new, names)
-    _update_appendix(page.sections, new)
-    _merge_lines(page.sections, agreements(answered), APPENDIX, new, names)
+    _merge_lines(page.sections, reproduce(study, study_results), _REPRODUCE, new_campaigns, names)
+    _update_appendix(page.sections, new_campaigns)
+    _merge_lines(page.sections, agreements(study_results), APPENDIX, new_campaigns, names)
     return page._replace(head=head.rstrip() + "\n\n")
 
 
@@ -203,8 +203,8 @@ def _stored_page(place: Path) -> _Page:
 
 
 def _page_bytes(page: _Page) -> bytes:
-    parts = [f"## {title}\n{text.rstrip()}\n" for title, text in page.sections.items()]
-    return (page.head + "\n".join(parts)).encode()
+    section_texts = [f"## {title}\n{text.rstrip()}\n" for title, text in page.sections.items()]
+    return (page.head + "\n".join(section_texts)).encode()
 
 
 def _section_text(section: Section) -> str:
@@ -219,24 +219,27 @@ def _insert_sections(page: _Page, sections: Sequence[Section], order: Sequence[s
 
     order : headings of the campaigns, in the order of the report
     """
-    updated = page.sections | {section.title: _section_text(section) for section in sections}
-    first = [title for title in (_ANSWER, _ASSUMPTIONS) if title in updated]
-    middle = [title for title in order if title in updated]
-    last = [title for title in updated if title not in {*first, *middle}]
+    sections_by_title = page.sections | {section.title: _section_text(section) for section in sections}
+    first = [title for title in (_ANSWER, _ASSUMPTIONS) if title in sections_by_title]
+    middle = [title for title in order if title in sections_by_title]
+    last = [title for title in sections_by_title if title not in {*first, *middle}]
     titles = first + middle + last
-    return page._replace(sections={title: updated[title] for title in titles})
+    return page._replace(sections={title: sections_by_title[title] for title in titles})
 
 
-def _update_appendix(sections: dict[str, str], new: Collection[str]) -> None:
+def _update_appendix(sections: dict[str, str], new_campaigns: Collection[str]) -> None:
     """Move the comparison of both engines to the end.
 
-    Lines on cases in which the engines agree, and on the campaigns in `new`, are removed.
+    Lines on cases in which the engines agree, and on the campaigns in `new_campaigns`, are removed.
     """
     text = sections.pop(_EARLIER, None) or sections.pop(APPENDIX, None)
     if text is None:
         return
-    lines = text.split("\n")
-    sections[APPENDIX] = "\n".join(line for line in lines if " | agree | " not in line and _first_cell(line) not in new)
+    remaining_lines = []
+    for line in text.split("\n"):
+        if " | agree | " not in line and _first_cell(line) not in new_campaigns:
+            remaining_lines.append(line)
+    sections[APPENDIX] = "\n".join(remaining_lines)
 
 
 def _first_cell(line: str) -> str:
@@ -247,14 +250,14 @@ def _first_cell(line: str) -> str:
 
 
 def _merge_lines(
-    sections: dict[str, str], section: Section, title: str, new: Collection[str], names: Sequence[str]
+    sections: dict[str, str], section: Section, title: str, new_campaigns: Collection[str], names: Sequence[str]
 ) -> None:
     """Replace the lines of some campaigns in the table of a stored section, in place.
 
     sections : text of the stored sections by heading; changed
-    section : the section with the campaigns in `new` only
+    section : the section with the campaigns in `new_campaigns` only
     title : heading of the stored section
-    new : names of the campaigns with new lines
+    new_campaigns : names of the campaigns with new lines
     names : names of all campaigns, in the order of the table
     """
     new_text = _section_text(section)
@@ -262,9 +265,9 @@ def _merge_lines(
     campaign_lines = []
     for line in stored_text.split("\n"):
         campaign = _first_cell(line)
-        if campaign in names and campaign not in new:
+        if campaign in names and campaign not in new_campaigns:
             campaign_lines.append(line)
-    campaign_lines += [line for line in new_text.split("\n") if _first_cell(line) in new]
+    campaign_lines += [line for line in new_text.split("\n") if _first_cell(line) in new_campaigns]
     campaign_lines.sort(key=lambda line: names.index(_first_cell(line)))
 
     has_table = "\n|" in stored_text
@@ -288,17 +291,17 @@ def _sort_rows(frames: Sequence[pd.DataFrame], names: Sequence[str]) -> pd.DataF
     return rows.iloc[place.argsort(kind="stable")].reset_index(drop=True)
 
 
-def _agreement_rows(place: Path, answered: Sequence[StudyResult], names: Sequence[str]) -> pd.DataFrame:
-    """Return the rows of agreement.csv, with those of the campaigns in `answered` replaced.
+def _agreement_rows(place: Path, study_results: Sequence[StudyResult], names: Sequence[str]) -> pd.DataFrame:
+    """Return the rows of agreement.csv, with those of the campaigns in `study_results` replaced.
 
     place : folder of the stored report
     names : names of all campaigns, in the order of the rows
     """
-    stored = _text_table(read_text(place / "agreement.csv", DATA_BYTES))
-    new = _text_table(csv_text(agreed(answered)))
-    campaigns = [result.part.campaign for result in answered]
-    unchanged = stored[~_campaign_names(stored).isin(campaigns)]
-    return _sort_rows([unchanged, new], names)
+    stored_rows = _text_table(read_text(place / "agreement.csv", DATA_BYTES))
+    new_rows = _text_table(csv_text(agreement_rows(study_results)))
+    campaigns = [result.study_campaign.campaign for result in study_results]
+    unchanged_rows = stored_rows[~_campaign_names(stored_rows).isin(campaigns)]
+    return _sort_rows([unchanged_rows, new_rows], names)
 
 
 def _text_table(text: str) -> pd.DataFrame:
@@ -353,7 +356,7 @@ def _mark_rows(rows: pd.DataFrame, entries: Sequence[_Entry]) -> pd.DataFrame:
     by_identifier: dict[str, list[_Entry]] = {}
     for entry in entries:
         by_identifier.setdefault(entry.identifier, []).append(entry)
-    updated = []
+    marked_rows = []
     for row in rows.to_dict(orient="records"):
         item = str(row["item"])
         candidates = [
@@ -365,7 +368,7 @@ def _mark_rows(rows: pd.DataFrame, entries: Sequence[_Entry]) -> pd.DataFrame:
         # Entries may share an identifier, and the item of one may begin with that of another
         entry = max(candidates, key=lambda candidate: len(str(candidate.content["item"])))
         verdict = verdict_in_band(row, entry.content) if entry.counts_as == "number" else {}
-        updated.append(
+        marked_rows.append(
             {
                 **row,
                 "item": entry.content["item"],
@@ -373,26 +376,26 @@ def _mark_rows(rows: pd.DataFrame, entries: Sequence[_Entry]) -> pd.DataFrame:
                 **marks(entry.content, entry.counts_as),
             }
         )
-    return pd.DataFrame(updated, columns=COLUMNS)
+    return pd.DataFrame(marked_rows, columns=COLUMNS)
 
 
 def _campaign_lines(text: str, rows: pd.DataFrame) -> list[dict[str, Any]]:
     """Return the rows of the campaign table in a stored answer, recounted."""
     table = text.partition(_CAMPAIGNS)[2].strip().partition("\n\n")[0]
     headings, _, *lines = [_split_cells(line) for line in table.split("\n")]
-    recounted = []
+    campaign_rows = []
     for line in lines:
         cells: dict[str, Any] = dict(zip(headings, line, strict=True))
         is_of_campaign = rows["case"].str.startswith(f"{cells['campaign']}: ")
-        counted = rows[is_of_campaign & evidence(rows)]
+        evidence_rows = rows[is_of_campaign & is_evidence(rows)]
         for name in ("cases", "runs", "failed runs"):
             cells[name] = int(cells[name])
         cells["as published"] = "–"
-        if len(counted):
-            n_held = int(reproduced(counted).sum())
-            cells["as published"] = f"{n_held} of {len(counted)}"
-        recounted.append(cells)
-    return recounted
+        if len(evidence_rows):
+            n_held = int(is_reproduced(evidence_rows).sum())
+            cells["as published"] = f"{n_held} of {len(evidence_rows)}"
+        campaign_rows.append(cells)
+    return campaign_rows
 
 
 def _split_cells(line: str) -> list[str]:

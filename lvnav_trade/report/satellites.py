@@ -12,16 +12,16 @@ from lvnav_trade.report.blocks import (
     Block,
     Picture,
     Text,
+    case_sentence,
     figures,
     formatted_table,
-    named,
     number,
     table,
 )
 from lvnav_trade.report.escape import note
 from lvnav_trade.report.figures import PLOTS
 from lvnav_trade.report.figures.signals import LAYERS, layers_of
-from lvnav_trade.report.selection import distinct, few
+from lvnav_trade.report.selection import distinct_cases, first_cases
 from lvnav_trade.results.evaluation import METRICS
 from lvnav_trade.results.statistics.select import pick, pick_columns
 from lvnav_trade.results.tables.read import Tables
@@ -35,10 +35,10 @@ _DELAYS = [f"{layer}{suffix}_m" for layer in LAYERS for suffix in ("", "_left")]
 def satellites(tables: Tables) -> list[Block]:
     """Return the satellites in view with their C/N0, and the sky plot, once for each distinct geometry."""
     columns = ["t_s", "satellite", "tracked", "state", "cn0_db_hz", "antenna_number"]
-    group, blocks = few(distinct(tables, "satellites", columns, tables.labels))
+    group, blocks = first_cases(distinct_cases(tables, "satellites", columns, tables.labels))
     for index, case in enumerate(group, 1):
         rows = pick(tables.satellites, case=case)
-        label = named(tables, case, group)
+        label = case_sentence(tables, case, group)
         signal = " and their C/N0" if rows.cn0_db_hz.notna().any() else ""
         blocks += [
             Picture(
@@ -61,11 +61,11 @@ def _signal_table(rows: pd.DataFrame, label: str) -> list[Block]:
 
     rows : rows of the table `satellites` for one case
     """
-    tracked = rows[rows.tracked & rows.cn0_db_hz.notna()]
-    if tracked.empty:
+    tracked_rows = rows[rows.tracked & rows.cn0_db_hz.notna()]
+    if tracked_rows.empty:
         return []
-    tracked = tracked.assign(elevation_deg=np.degrees(tracked.elevation_rad))
-    groups = tracked.groupby("satellite")
+    tracked_rows = tracked_rows.assign(elevation_deg=np.degrees(tracked_rows.elevation_rad))
+    groups = tracked_rows.groupby("satellite")
     frame = pd.DataFrame(
         {
             "tracked from (s)": groups.t_s.min().map("{:.0f}".format),
@@ -109,9 +109,9 @@ def tracking(tables: Tables) -> list[Block]:
     for name in ("tracking", "losses", "recovery"):
         frame = METRICS[name](tables)
         if len(frame):
-            blocks.append(formatted_table(name, frame, alike=True))
+            blocks.append(formatted_table(name, frame, combines_cases=True))
     columns = ["t_s", "satellite", "tracked", "state"]
-    group, remark = few(distinct(tables, "satellites", columns, tables.labels))
+    group, remark = first_cases(distinct_cases(tables, "satellites", columns, tables.labels))
     blocks += [*remark, *figures(tables, "timeline", group)]
     if len(changes):
         blocks.append(Text(note("searches")))
@@ -120,17 +120,17 @@ def tracking(tables: Tables) -> list[Block]:
 
 def delays(tables: Tables) -> list[Block]:
     """Return atmospheric delays, the residual delays after correction, and the latency; empty if there are none."""
-    delayed = [case for case in tables.labels if _layers(tables, case)]
-    distinct_delays = distinct(tables, "satellites", ["t_s", "satellite", *_DELAYS], delayed)
-    group, blocks = few(distinct_delays)
+    cases_with_delay = [case for case in tables.labels if _layers(tables, case)]
+    distinct_delays = distinct_cases(tables, "satellites", ["t_s", "satellite", *_DELAYS], cases_with_delay)
+    group, blocks = first_cases(distinct_delays)
     if group:
         blocks.append(_delay_table(tables))
     blocks += figures(tables, "delays", group)
     has_latency = tables.satellites.latency_s > _CURRENT
     with_latency = set(tables.satellites.case[has_latency])
-    late = [case for case in tables.labels if case in with_latency]
-    distinct_latencies = distinct(tables, "satellites", ["t_s", "latency_s"], late)
-    group, remark = few(distinct_latencies)
+    cases_with_latency = [case for case in tables.labels if case in with_latency]
+    distinct_latencies = distinct_cases(tables, "satellites", ["t_s", "latency_s"], cases_with_latency)
+    group, remark = first_cases(distinct_latencies)
     pictures = figures(tables, "latency", group)
     return [*blocks, *remark, *pictures]
 
@@ -145,21 +145,21 @@ def _delay_table(tables: Tables) -> Block:
     """Return the table of true and residual delays by case and layer."""
     rows = []
     for case, label in tables.labels.items():
-        tracked = tables.satellites[(tables.satellites.case == case) & tables.satellites.tracked]
+        tracked_rows = tables.satellites[(tables.satellites.case == case) & tables.satellites.tracked]
         for layer in _layers(tables, case):
-            true = tracked[f"{layer}_m"]
-            residual = tracked[f"{layer}_left_m"]
-            worst = tracked.loc[residual.abs().idxmax()]
+            true_delay = tracked_rows[f"{layer}_m"]
+            residual_delay = tracked_rows[f"{layer}_left_m"]
+            worst_row = tracked_rows.loc[residual_delay.abs().idxmax()]
             rows.append(
                 (
                     label,
                     layer,
-                    f"{number(round(true.min(), 6))} to {number(true.max())}",
-                    float((true**2).mean() ** 0.5),
-                    float((residual**2).mean() ** 0.5),
-                    float(residual.mean()),
-                    residual[worst.name],
-                    f"{worst.satellite} at {worst.t_s:.0f} s, {np.degrees(worst.elevation_rad):.0f} deg",
+                    f"{number(round(true_delay.min(), 6))} to {number(true_delay.max())}",
+                    float((true_delay**2).mean() ** 0.5),
+                    float((residual_delay**2).mean() ** 0.5),
+                    float(residual_delay.mean()),
+                    residual_delay[worst_row.name],
+                    f"{worst_row.satellite} at {worst_row.t_s:.0f} s, {np.degrees(worst_row.elevation_rad):.0f} deg",
                 )
             )
-    return formatted_table("delays", pd.DataFrame(rows), alike=True)
+    return formatted_table("delays", pd.DataFrame(rows), combines_cases=True)

@@ -18,12 +18,12 @@ from lvnav_trade.results.tables.read import Tables
 class StudyResult(NamedTuple):
     """A campaign of a study with its results.
 
-    part : Section of study.yaml for the campaign.
+    study_campaign : Section of study.yaml for the campaign.
     campaign : The campaign, as it was run.
     tables : Its results, in the units of the study.
     """
 
-    part: StudyCampaign
+    study_campaign: StudyCampaign
     campaign: Campaign
     tables: Tables
 
@@ -60,7 +60,7 @@ class StudyScript:
     def mistakes(self, questions: Sequence[StudySection]) -> Iterator[Mistake]:
         """Yield the errors of the script's own input, before anything is computed."""
         for question in questions:
-            for place, figure in enumerate(question.part.figures):
+            for place, figure in enumerate(question.study_campaign.figures):
                 if figure.plot in self.figures:
                     for path, message in self.figures[figure.plot].faults(figure, question):
                         yield question.mistake(f"figures.{place}.{path}", message)
@@ -96,7 +96,7 @@ class StudyScript:
         """Return the blocks of the answer on the rows that are statements."""
         return []
 
-    def blocks(self, answered: StudyResult) -> list[Block]:
+    def blocks(self, result: StudyResult) -> list[Block]:
         """Return further tables and figures of a campaign, below its table of published numbers."""
         return []
 

@@ -13,7 +13,7 @@ from lvnav_trade.report.escape import csv_text, note
 from lvnav_trade.report.figures import space as plots
 from lvnav_trade.report.sentences import say
 from lvnav_trade.results.evaluation.covariances import NOT_APPLICABLE
-from lvnav_trade.results.tables.contents import owned
+from lvnav_trade.results.tables.contents import owned_folder
 
 _FEW = 6  # up to this number of solutions, each gets a sentence
 
@@ -57,12 +57,16 @@ def write(
     pages = {"report.md": markdown_page(title, question, sections), "report.html": html_page(title, question, sections)}
     csv = {f"{name}.csv": csv_text(frame) for name, frame in frames.items() if len(frame)}
     with writing(folder, "the report cannot be written there"):
-        owned(folder, "report").publish("report", {**csv, **pictures(sections), **pages, **(files or {})})
+        owned_folder(folder, "report").publish("report", {**csv, **pictures(sections), **pages, **(files or {})})
     return Path(folder) / "report.md"
 
 
-def solved(
-    answers: pd.DataFrame, intervals: pd.DataFrame, scanned: pd.DataFrame, confirmed: pd.DataFrame, names: Sequence[str]
+def solution_blocks(
+    answers: pd.DataFrame,
+    intervals: pd.DataFrame,
+    evaluations: pd.DataFrame,
+    confirmation: pd.DataFrame,
+    names: Sequence[str],
 ) -> list[Block]:
     """Return the blocks on the solutions of an inverse problem.
 
@@ -74,9 +78,9 @@ def solved(
         Largest value of the first field that meets the requirements, by case, tuning and value of the second field.
     intervals : pandas.DataFrame
         Intervals in which the requirements are met, shown if a solution is not monotone.
-    scanned : pandas.DataFrame
+    evaluations : pandas.DataFrame
         All evaluations, for the figure.
-    confirmed : pandas.DataFrame
+    confirmation : pandas.DataFrame
         Confirmation by runs; may be empty.
     names : sequence of str
         Paths of the varied fields, one or two.
@@ -95,11 +99,11 @@ def solved(
         boundary = plots.boundary(answers, names)
         blocks.append(Picture("boundary", boundary, note("boundary", "figures")))
     else:
-        ratios = plots.ratios(scanned, answers, names[0])
+        ratios = plots.ratios(evaluations, answers, names[0])
         blocks.append(Picture("solve", ratios, note("solve", "figures")))
-    if len(confirmed):
+    if len(confirmation):
         blocks.append(Text(note("solve_confirmed")))
-        blocks.append(table(_words(confirmed), "Runs on both sides of each answer."))
+        blocks.append(table(_words(confirmation), "Runs on both sides of each answer."))
     return blocks
 
 
@@ -125,36 +129,42 @@ def _answer(row: Any, names: Sequence[str]) -> str:
     )
 
 
-def chosen(answers: pd.DataFrame, confirmed: pd.DataFrame, least: str) -> list[Block]:
+def least_case_blocks(answers: pd.DataFrame, confirmation: pd.DataFrame, total_column: str) -> list[Block]:
     """Return the blocks on the case that meets the requirements with the smallest total.
 
     Parameters
     ----------
     answers : pandas.DataFrame
         All cases, smallest total first. Column `chosen` marks the case.
-    confirmed : pandas.DataFrame
+    confirmation : pandas.DataFrame
         Runs of the case and of the next cheaper case; may be empty.
-    least : str
+    total_column : str
         Column of the minimised total. Its first word, such as cost or mass, is used in the text.
     """
-    name = least.split("_")[0]
-    best = answers[answers.chosen]
-    if len(best):
-        row = best.iloc[0]
+    name = total_column.split("_")[0]
+    best_rows = answers[answers.chosen]
+    if len(best_rows):
+        row = best_rows.iloc[0]
         ratio = f"error over limit {row.error_ratio:.3g} (largest: {row.limiting_requirement})"
         lead = f"Least {name} that meets the requirements:"
-        first = Text(f"{row.case}: {name} {row[least]:g}, {ratio}.", lead)
+        first = Text(f"{row.case}: {name} {row[total_column]:g}, {ratio}.", lead)
     else:
         first = Text("", "No case meets the requirements.")
     blocks: list[Block] = [first, table(_words(answers), f"All cases, smallest {name} first.")]
-    if len(confirmed):
+    if len(confirmation):
         caption = "Runs of the chosen case, and of the next cheaper one, which does not meet the requirements."
-        blocks += [Text(note("solve_confirmed")), table(_words(confirmed), caption)]
+        blocks += [Text(note("solve_confirmed")), table(_words(confirmation), caption)]
     return blocks
 
 
-def indexed(
-    frame: pd.DataFrame, case: str, error: str, covered: float, predicted: float, samples: int, remark: str = ""
+def sensitivity_blocks(
+    frame: pd.DataFrame,
+    case: str,
+    error: str,
+    covered_share: float,
+    predicted_share: float,
+    samples: int,
+    remark: str = "",
 ) -> list[Block]:
     """Return sensitivity indices, the share of the mean square that they cover, and the accuracy of the surrogate.
 
@@ -164,9 +174,9 @@ def indexed(
         Indices of each error source.
     case, error : str
         Label of the case, and name of the error.
-    covered : float
+    covered_share : float
         Share of the mean square that the sources cover.
-    predicted : float
+    predicted_share : float
         Share of the variance that the surrogate predicts.
     samples : int
         Number of samples.
@@ -178,10 +188,10 @@ def indexed(
         interval = f"{row.retuned_total:.2f} +- {row.retuned_total_half_width:.2f}"
         largest.append(f"{row.source} {interval} (frozen {row.frozen_total:.2f})")
     coverage = (
-        f"{error.replace('_', ' ')}, case {case}: these sources contribute {100 * covered:.3g} % of the mean square. "
-        "The indices divide their effect; all other sources keep their sigmas. "
-        f"A fit to {samples} re-tuned designs does not predict {100 * (1 - predicted):.2g} % of the variance of other "
-        "designs."
+        f"{error.replace('_', ' ')}, case {case}: these sources contribute {100 * covered_share:.3g} % of the mean "
+        "square. The indices divide their effect; all other sources keep their sigmas. "
+        f"A fit to {samples} re-tuned designs does not predict {100 * (1 - predicted_share):.2g} % of the variance of "
+        "other designs."
     )
     blocks: list[Block] = [Text(f"{'; '.join(largest)}.", "Largest total indices, filter re-tuned:")]
     if remark:
@@ -195,7 +205,7 @@ def indexed(
     ]
 
 
-def tuned(values: pd.DataFrame, cases: pd.DataFrame, source: str) -> list[Block]:
+def tuning_blocks(values: pd.DataFrame, cases: pd.DataFrame, source: str) -> list[Block]:
     """Return the blocks on the tuned parameters of a filter.
 
     Parameters
@@ -220,7 +230,7 @@ def _tuning(cases: pd.DataFrame) -> str:
     """Return the effect of tuning on the worst tuned case and on the worst validation case."""
     sentences = []
     for role, rows in cases.groupby("role", sort=False):
-        before = rows.ratio_before.max()
-        after = rows.ratio_after.max()
-        sentences.append(f"{role}, worst of {len(rows)}: {before:.3g} before, {after:.3g} after")
+        largest_before = rows.ratio_before.max()
+        largest_after = rows.ratio_after.max()
+        sentences.append(f"{role}, worst of {len(rows)}: {largest_before:.3g} before, {largest_after:.3g} after")
     return "; ".join(sentences) + "."

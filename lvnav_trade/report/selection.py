@@ -27,17 +27,17 @@ def chosen_cases(tables: Tables) -> dict[str, str]:
     return {case: label for case, label in tables.labels.items() if label in selection}
 
 
-def deciding(tables: Tables) -> tuple[list[str], list[str]]:
+def key_cases_and_quantities(tables: Tables) -> tuple[list[str], list[str]]:
     """Return the cases (digests) and the quantities that decide the requirements; they are shown in the open sections.
 
     Without requirements: the best case, and all quantities.
     """
-    required = []
+    required_quantities = []
     for requirement in tables.campaign.get("requirements") or ():
         quantity, _ = split_metric(str(requirement["metric"]))
-        required.append(quantity.removeprefix("normalised_"))
-    available = [quantity for quantity in NAVIGATION if (quantity, "3d") in tables.people]
-    quantities = [quantity for quantity in available if quantity in required]
+        required_quantities.append(quantity.removeprefix("normalised_"))
+    available = [quantity for quantity in NAVIGATION if (quantity, "3d") in tables.display_units]
+    quantities = [quantity for quantity in available if quantity in required_quantities]
     labels = list(key_cases(tables))
     if not labels:
         ranking = METRICS["ranking"](tables)
@@ -47,7 +47,7 @@ def deciding(tables: Tables) -> tuple[list[str], list[str]]:
     return cases, quantities or available
 
 
-def left_out(tables: Tables) -> list[Block]:
+def omission_note(tables: Tables) -> list[Block]:
     """Return a note on the cases without figures; empty if every case has figures."""
     n_more = len(tables.labels) - len(chosen_cases(tables))
     if n_more <= 0:
@@ -56,7 +56,7 @@ def left_out(tables: Tables) -> list[Block]:
     return [Text(text)]
 
 
-def distinct(tables: Tables, name: str, columns: Sequence[str], cases: Iterable[str]) -> list[str]:
+def distinct_cases(tables: Tables, name: str, columns: Sequence[str], cases: Iterable[str]) -> list[str]:
     """Return one case of each group of cases that have equal rows in a table.
 
     Parameters
@@ -90,7 +90,7 @@ def _numbers(column: pd.Series) -> Any:
     return numbers
 
 
-def few(group: Sequence[str]) -> tuple[Sequence[str], list[Block]]:
+def first_cases(group: Sequence[str]) -> tuple[Sequence[str], list[Block]]:
     """Return at most as many cases as are drawn, and a note on the others."""
     n_more = len(group) - MOST_CASES
     remark: list[Block] = []

@@ -6,7 +6,7 @@ from typing import Any
 
 import jinja2
 
-from lvnav_trade.report.blocks import first_ones, listed, number, percent, words
+from lvnav_trade.report.blocks import join_first_names, join_texts, number, percent, words
 from lvnav_trade.report.escape import source
 
 _BLANKS = re.compile(r"[ \n]+")
@@ -30,9 +30,9 @@ def say(name: str, /, **facts: Any) -> str:
     return _BLANKS.sub(" ", getattr(_sentences(), name)(**facts)).strip()
 
 
-def plural(count: int, one: str, some: str) -> str:
-    """Return the singular form `one` or the plural form `some` for a count."""
-    return one if count == 1 else some
+def plural(count: int, singular_form: str, plural_form: str) -> str:
+    """Return the singular form `singular_form` or the plural form `plural_form` for a count."""
+    return singular_form if count == 1 else plural_form
 
 
 @cache
@@ -45,7 +45,7 @@ def _sentences() -> Any:
         "number": number,
         "percent": percent,
         "words": words,
-        "listed": listed,
-        "first_ones": first_ones,
+        "join_texts": join_texts,
+        "join_first_names": join_first_names,
     }
     return environment.get_template("sentences.j2").module

@@ -18,23 +18,23 @@ from lvnav_trade.results.evaluation.design_space import (
     OVERCONFIDENT,
     axes_of,
     axis_label,
-    counts_of,
+    display_unit,
     errors_of,
     interval,
     is_numeric,
+    met_counts,
     overconfident,
-    people_of,
     possible,
     range_text,
 )
 from lvnav_trade.results.evaluation.designs import requirement_columns
-from lvnav_trade.results.evaluation.resources import dominating, ranked
+from lvnav_trade.results.evaluation.resources import dominating, sort_by_preference
 from lvnav_trade.results.evaluation.tornado import limit_of, value_of
 from lvnav_trade.results.tables.read import Tables
 
 _ROWS = 20
 _EXACT = ", with its exact 95 % interval"
-_SUMMED = ("error_ratio", "velocity_m_per_s", "position_m", "attitude_rad", "nees_per_state_ratio", "cost")
+_RESULT_COLUMNS = ("error_ratio", "velocity_m_per_s", "position_m", "attitude_rad", "nees_per_state_ratio", "cost")
 _VERDICTS = ("met", "violated", "other")
 _NAMES = {"error_ratio": "error over limit", "nees_per_state_ratio": "NEES per state"}
 _FEW = 6  # up to this number of crossings, each is named in the sentence
@@ -50,7 +50,7 @@ def space(tables: Tables) -> list[Block]:
     blocks.append(DesignExplorer(data_json(_explorer(tables, frame))))
     blocks += _design_tables(tables, frame)
     blocks += _influence_tables(tables)
-    blocks.append(Text(_whole(tables)))
+    blocks.append(Text(_full_analysis_sentence(tables)))
     blocks += _analysed_designs(tables, frame)
     return blocks
 
@@ -104,7 +104,7 @@ def _without_intervals(tables: Tables, frame: pd.DataFrame, low: str) -> pd.Data
 def _ends(tables: Tables, swings: pd.DataFrame) -> pd.DataFrame:
     """Return the errors at the ends of the axes in display units."""
     columns = errors_of(tables, possible(tables))
-    units = [people_of(tables, columns[name]) for name in swings.requirement]
+    units = [display_unit(tables, columns[name]) for name in swings.requirement]
     factors = np.array([factor for _, factor in units])
     return pd.DataFrame(
         {
@@ -125,27 +125,27 @@ def _analysed_designs(tables: Tables, frame: pd.DataFrame) -> list[Block]:
     if rows.empty:
         return []
     labels = [tables.labels[case] for case in rows.case]
-    return [formatted_table("space_labels", _shown(tables, rows).assign(label=labels))]
+    return [formatted_table("space_labels", _display_rows(tables, rows).assign(label=labels))]
 
 
 def _lead(tables: Tables, frame: pd.DataFrame) -> list[str]:
     """Return the number of designs that meet all requirements, that of designs with an inconsistent filter among them,
     and the number of infeasible designs.
     """
-    about = tables.manifest.get("space") or {}
+    space_manifest = tables.manifest.get("space") or {}
     verdicts = frame.verdict if "verdict" in frame else pd.Series(dtype=object)
     n_met = int((verdicts == "met").sum())
     share = interval(n_met, len(frame)) if tables.is_sampled and len(frame) else None
     lines = [
         say(
             "space",
-            designs=int(about.get("designs", len(tables.designs))),
+            designs=int(space_manifest.get("designs", len(tables.designs))),
             possible=len(frame),
             met=n_met,
             undescribed=int((verdicts == "not applicable").sum()),
             share=share,
             requirements=len(tables.campaign.get("requirements") or ()),
-            which=counts_of(tables, frame),
+            which=met_counts(tables, frame),
         )
     ]
     if "nees_per_state_ratio" in frame:
@@ -159,13 +159,13 @@ def _lead(tables: Tables, frame: pd.DataFrame) -> list[str]:
                 limit=OVERCONFIDENT,
             )
         )
-    impossible = {str(reason): int(count) for reason, count in (about.get("impossible") or {}).items()}
-    if impossible:
-        lines.append(say("impossible", reasons=impossible))
+    impossible_counts = {str(reason): int(count) for reason, count in (space_manifest.get("impossible") or {}).items()}
+    if impossible_counts:
+        lines.append(say("impossible", reasons=impossible_counts))
     return lines
 
 
-def _whole(tables: Tables) -> str:
+def _full_analysis_sentence(tables: Tables) -> str:
     """Return a sentence on the designs that the other sections show."""
     counts = (tables.manifest.get("space") or {}).get("whole") or {}
     monte_carlo = tables.campaign.get("monte_carlo") or {}
@@ -190,22 +190,22 @@ def _design_tables(tables: Tables, frame: pd.DataFrame) -> list[Block]:
     totals = [name for name in ("cost", "mass_kg") if name in frame and frame[name].nunique() > 1]
     blocks: list[Block] = []
     if len(compliant):
-        ordered = compliant.sort_values([*totals[:1], "error_ratio"], kind="stable")
-        best = _shown(tables, ordered.head(_ROWS))
+        ordered_designs = compliant.sort_values([*totals[:1], "error_ratio"], kind="stable")
+        best_rows = _display_rows(tables, ordered_designs.head(_ROWS))
         order = "by error"
         if totals:
             order = f"by {totals[0].partition('_')[0]}, then error"
-        blocks.append(formatted_table("space_best", best, order=order))
+        blocks.append(formatted_table("space_best", best_rows, order=order))
     if len(misses):
         nearest = misses.sort_values("error_ratio", kind="stable").head(_ROWS)
-        missed = formatted_table("space_missed", _shown(tables, nearest))
+        missed_table = formatted_table("space_missed", _display_rows(tables, nearest))
         if len(compliant):
-            blocks.append(Details(note("missed_title"), [missed]))
+            blocks.append(Details(note("missed_title"), [missed_table]))
         else:
-            blocks.append(missed)
+            blocks.append(missed_table)
     if totals and len(compliant):
         front = _pareto_front(compliant, totals).head(_ROWS)
-        front_table = formatted_table("space_front", _shown(tables, front))
+        front_table = formatted_table("space_front", _display_rows(tables, front))
         blocks.append(Details(note("front_title"), [front_table]))
     return blocks
 
@@ -217,14 +217,14 @@ def _pareto_front(designs: pd.DataFrame, totals: list[str]) -> pd.DataFrame:
     return designs[is_front].sort_values(totals[0], kind="stable")
 
 
-def _shown(tables: Tables, frame: pd.DataFrame) -> pd.DataFrame:
+def _display_rows(tables: Tables, frame: pd.DataFrame) -> pd.DataFrame:
     """Return designs for display: levels in the units of the campaign, errors, cost, command."""
     rows = pd.DataFrame(index=frame.index)
     rows["design"] = [_levels(tables, row) for _, row in frame[axes_of(frame)].iterrows()]
-    for name in _SUMMED:
+    for name in _RESULT_COLUMNS:
         rows[name] = np.nan
         if name in frame:
-            _, factor = people_of(tables, name)
+            _, factor = display_unit(tables, name)
             rows[name] = frame[name] * factor
     rows["limiting_requirement"] = frame.limiting_requirement
     command = _command(tables)
@@ -234,14 +234,14 @@ def _shown(tables: Tables, frame: pd.DataFrame) -> pd.DataFrame:
 
 def _levels(tables: Tables, row: pd.Series) -> str:
     """Return the levels of a design as text, in the units of the campaign."""
-    parts = []
+    level_texts = []
     for column, value in row.items():
         if isinstance(value, float):
             text = range_text(tables, str(column), value, value)
         else:
             text = str(value)
-        parts.append(f"{axis_label(str(column))} {text}")
-    return ", ".join(parts)
+        level_texts.append(f"{axis_label(str(column))} {text}")
+    return ", ".join(level_texts)
 
 
 def _command(tables: Tables) -> str:
@@ -255,8 +255,8 @@ def _command(tables: Tables) -> str:
 def _region_rows(tables: Tables, regions: pd.DataFrame) -> pd.DataFrame:
     """Return shares by part of an axis, with the ends of each part in the units of the campaign."""
     rows = regions[regions.requirement == ALL]
-    parts = [str(row.level) or range_text(tables, str(row.axis), row.low, row.high) for row in rows.itertuples()]
-    return rows.assign(axis=rows.axis.map(axis_label), part=parts)
+    level_texts = [str(row.level) or range_text(tables, str(row.axis), row.low, row.high) for row in rows.itertuples()]
+    return rows.assign(axis=rows.axis.map(axis_label), part=level_texts)
 
 
 def _explorer(tables: Tables, frame: pd.DataFrame) -> dict[str, Any]:
@@ -315,17 +315,17 @@ def _column(tables: Tables, frame: pd.DataFrame, name: str) -> dict[str, Any]:
         levels = list(dict.fromkeys(frame[name]))
         indices = {level: k for k, level in enumerate(levels)}
         numbers = frame[name].map(indices).to_numpy(dtype=float)
-        return {"name": axis_label(name), "unit": "", "levels": levels, "values": _packed(numbers)}
-    unit, factor = people_of(tables, name)
+        return {"name": axis_label(name), "unit": "", "levels": levels, "values": _base64_text(numbers)}
+    unit, factor = display_unit(tables, name)
     is_dimensionless = name in _NAMES or unit == "dimensionless"
     return {
         "name": _NAMES.get(name, axis_label(name)),
         "unit": "" if is_dimensionless else unit,
-        "values": _packed(frame[name].to_numpy(dtype=float) * factor),
+        "values": _base64_text(frame[name].to_numpy(dtype=float) * factor),
     }
 
 
-def _packed(values: Floats) -> str:
+def _base64_text(values: Floats) -> str:
     return base64.b64encode(values.astype("<f4").tobytes()).decode()
 
 
@@ -381,18 +381,18 @@ def pareto(tables: Tables) -> list[Block]:
     if frame.empty:
         return []
     complete = [name for name, column in (("cost", "cost"), ("mass", "mass_kg")) if frame[column].notna().all()]
-    order = ranked(frame, complete)
+    order = sort_by_preference(frame, complete)
     best = order.iloc[0]
     if best.meets:
-        blocks: list[Block] = [Text(_priced(best), "Cheapest that meets all requirements:")]
+        blocks: list[Block] = [Text(_case_with_cost(best), "Cheapest that meets all requirements:")]
         cheaper = order[(order.verdict == "undecided") & (order.error_ratio <= 1.0) & (order.cost < best.cost)]
         if len(cheaper):
-            blocks.append(Text(_priced(cheaper.iloc[0]), "Cheaper, but its runs leave it undecided:"))
+            blocks.append(Text(_case_with_cost(cheaper.iloc[0]), "Cheaper, but its runs leave it undecided:"))
     else:
-        blocks = [Text(_priced(best), "No design is shown to meet all requirements. Cheapest:")]
+        blocks = [Text(_case_with_cost(best), "No design is shown to meet all requirements. Cheapest:")]
     return [*blocks, Text(note("pareto")), formatted_table("pareto", order), figure(tables, "pareto")]
 
 
-def _priced(case: Any) -> str:
+def _case_with_cost(case: Any) -> str:
     """Return a case with its cost, its mass and its largest ratio of error to limit."""
     return f"{case.case} (cost {case.cost:g}, {case.mass_kg:g} kg; error over limit {case.error_ratio:.2g})."

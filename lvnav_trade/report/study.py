@@ -17,16 +17,16 @@ from lvnav_trade.report.figures import PLOTS
 from lvnav_trade.report.figures.figure import Figure as Drawing
 from lvnav_trade.report.figures.published import PublishedValue, ratios
 from lvnav_trade.report.flight import control_tables, motion_summary, observed_table
-from lvnav_trade.report.headline import headline, not_counted, those_that_miss
+from lvnav_trade.report.headline import failed_table, headline, uncounted_tables
 from lvnav_trade.report.kml import flights, kml
 from lvnav_trade.report.printed import printed_tables
 from lvnav_trade.report.script import StudyResult, StudyScript, published_rows
 from lvnav_trade.report.study_tables import study_tables
 from lvnav_trade.results.evaluation.covariances import agreement, by_case
 from lvnav_trade.results.evaluation.pooled_cases import cases_of
-from lvnav_trade.results.evaluation.published import COLUMNS, evidence, reproduced
-from lvnav_trade.results.statistics.select import in_units
-from lvnav_trade.results.tables.contents import owned
+from lvnav_trade.results.evaluation.published import COLUMNS, is_evidence, is_reproduced
+from lvnav_trade.results.statistics.select import with_display_units
+from lvnav_trade.results.tables.contents import owned_folder
 
 _ACRONYMS = {"ekf", "fdir", "hil", "imu", "pvt", "ukf"}
 APPENDIX = "Appendix: Monte Carlo against linear covariance"
@@ -34,7 +34,7 @@ APPENDIX = "Appendix: Monte Carlo against linear covariance"
 
 def build(
     study: StudyCard,
-    answered: Sequence[StudyResult],
+    study_results: Sequence[StudyResult],
     folder: Path | str,
     not_run: Sequence[Campaign] = (),
     script: StudyScript | None = None,
@@ -45,7 +45,7 @@ def build(
     ----------
     study : StudyCard
         Texts and layout of the report.
-    answered : sequence of StudyResult
+    study_results : sequence of StudyResult
         Campaigns with their results.
     folder : Path or str
         Folder of the report; files of an earlier report are replaced.
@@ -64,28 +64,28 @@ def build(
     InputError
         The folder cannot be written.
     """
-    target = owned(folder, "study")
+    target = owned_folder(folder, "study")
     script = script or StudyScript(folder)
-    answered = [result._replace(tables=in_units(result.tables, study.units)) for result in answered]
-    frames = [published_frame(result, script) for result in answered]
-    published = together(answered, frames)
-    further = script.further_rows(not_run)
-    if further:
-        published = pd.concat([published, frame_of(further)], ignore_index=True)
-    lines = [line_of(result, published) for result in answered]
-    sections = [answer(study, published, script, lines), *assumptions(study)]
-    for result, frame in zip(answered, frames, strict=True):
+    study_results = [result._replace(tables=with_display_units(result.tables, study.units)) for result in study_results]
+    frames = [published_frame(result, script) for result in study_results]
+    reference_rows = join_frames(study_results, frames)
+    further_rows = script.further_rows(not_run)
+    if further_rows:
+        reference_rows = pd.concat([reference_rows, published_table(further_rows)], ignore_index=True)
+    lines = [campaign_row(result, reference_rows) for result in study_results]
+    sections = [answer(study, reference_rows, script, lines), *assumptions(study)]
+    for result, frame in zip(study_results, frames, strict=True):
         sections.append(campaign_section(result, frame, script))
-    sections += [reproduce(study, answered), agreements(answered)]
+    sections += [reproduce(study, study_results), agreements(study_results)]
     files: dict[str, bytes | str] = {
         **pictures(sections),
-        "references.csv": csv_text(published),
-        "agreement.csv": csv_text(agreed(answered)),
+        "references.csv": csv_text(reference_rows),
+        "agreement.csv": csv_text(agreement_rows(study_results)),
         "report.md": markdown_page(study.title, study.description.strip(), sections),
     }
-    for result in answered:
-        if result.part.kml is not None:
-            files[f"{result.part.campaign}.kml"] = flight_of(result, result.part.kml)
+    for result in study_results:
+        if result.study_campaign.kml is not None:
+            files[f"{result.study_campaign.campaign}.kml"] = flight_of(result, result.study_campaign.kml)
     with writing(folder, "the study cannot be kept there"):
         target.publish("study", files)
     return target.folder / "report.md"
@@ -97,13 +97,13 @@ def assumptions(study: StudyCard) -> list[Section]:
     return [Section("assumptions", "Assumptions", blocks)] if blocks else []
 
 
-def agreed(answered: Sequence[StudyResult]) -> pd.DataFrame:
+def agreement_rows(study_results: Sequence[StudyResult]) -> pd.DataFrame:
     """Return the rows of agreement.csv: runs against linear covariance, by campaign and case."""
-    frames = [agreement(result.tables).dropna(subset="monte_carlo") for result in answered]
-    return together(answered, frames)
+    frames = [agreement(result.tables).dropna(subset="monte_carlo") for result in study_results]
+    return join_frames(study_results, frames)
 
 
-def frame_of(rows: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
+def published_table(rows: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
     """Return rows as the table of published numbers."""
     return pd.DataFrame(rows, columns=COLUMNS)
 
@@ -111,30 +111,30 @@ def frame_of(rows: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
 def published_frame(result: StudyResult, script: StudyScript) -> pd.DataFrame:
     """Return the rows of published numbers of a campaign as a table."""
     stated_campaign = result.campaign.model_dump(mode="json")
-    return frame_of(published_rows(result.campaign.name, result.tables, stated_campaign, script))
+    return published_table(published_rows(result.campaign.name, result.tables, stated_campaign, script))
 
 
 def flight_of(result: StudyResult, case: Case) -> bytes:
     """Return the trajectory of a case as KML."""
     label = result.tables.labels[_cases(result, case)[0]]
     case_flights = [flight for flight in flights(result.tables, True, 60.0) if flight.name == label]
-    return kml(f"{result.part.campaign}: {label}", case_flights)
+    return kml(f"{result.study_campaign.campaign}: {label}", case_flights)
 
 
-def together(answered: Sequence[StudyResult], frames: Sequence[pd.DataFrame]) -> pd.DataFrame:
+def join_frames(study_results: Sequence[StudyResult], frames: Sequence[pd.DataFrame]) -> pd.DataFrame:
     """Return the frames of all campaigns as one frame, with the campaign's name before each case."""
-    labelled = [named(result, frame) for result, frame in zip(answered, frames, strict=True)]
-    with_rows = [frame for frame in labelled if len(frame)]
-    return pd.concat(with_rows or labelled[:1], ignore_index=True)
+    prefixed_frames = [prefix_cases(result, frame) for result, frame in zip(study_results, frames, strict=True)]
+    with_rows = [frame for frame in prefixed_frames if len(frame)]
+    return pd.concat(with_rows or prefixed_frames[:1], ignore_index=True)
 
 
-def named(result: StudyResult, frame: pd.DataFrame) -> pd.DataFrame:
+def prefix_cases(result: StudyResult, frame: pd.DataFrame) -> pd.DataFrame:
     """Return a frame with the campaign's name before each case."""
-    return frame.assign(case=[f"{result.part.campaign}: {case}" for case in frame["case"]])
+    return frame.assign(case=[f"{result.study_campaign.campaign}: {case}" for case in frame["case"]])
 
 
 def answer(
-    study: StudyCard, every: pd.DataFrame, script: StudyScript, campaigns: Sequence[Mapping[str, Any]]
+    study: StudyCard, reference_rows: pd.DataFrame, script: StudyScript, campaigns: Sequence[Mapping[str, Any]]
 ) -> Section:
     """Return the section with the answer of a study.
 
@@ -142,48 +142,51 @@ def answer(
     ----------
     study : StudyCard
         Texts and layout of the report.
-    every : pandas.DataFrame
+    reference_rows : pandas.DataFrame
         Rows of all campaigns, as `results.evaluation.published.references`.
     script : StudyScript
         Additions to the report.
     campaigns : sequence of mapping
         One row per campaign for the table of campaigns.
     """
-    is_statement = script.is_statement(every) & evidence(every)
-    statements = every[is_statement]
-    frame = every[~is_statement]
+    is_statement = script.is_statement(reference_rows) & is_evidence(reference_rows)
+    statements = reference_rows[is_statement]
+    frame = reference_rows[~is_statement]
     blocks = [
         *headline(frame, study.important, statements),
-        *printed_tables(study, every),
-        *those_that_miss(frame),
+        *printed_tables(study, reference_rows),
+        *failed_table(frame),
         *script.verdicts(statements),
         table(pd.DataFrame(campaigns), "The campaigns of this study."),
     ]
-    numbers = frame[frame.published.notna() & evidence(frame)]
+    numbers = frame[frame.published.notna() & is_evidence(frame)]
     if len(numbers):
         blocks.append(Picture("ratios", ratios(numbers), "All published numbers that are counted, in one figure."))
-    blocks += not_counted(frame)
+    blocks += uncounted_tables(frame)
     return Section("answer", "Answer", blocks)
 
 
-def line_of(result: StudyResult, frame: pd.DataFrame) -> dict[str, Any]:
+def campaign_row(result: StudyResult, frame: pd.DataFrame) -> dict[str, Any]:
     """Return the row of a campaign in the table of campaigns.
 
     result : the campaign with its results
     frame : rows of published numbers of all campaigns
     """
-    campaign = result.part.campaign
-    counted = frame[frame["case"].str.startswith(f"{campaign}: ") & evidence(frame)]
+    campaign = result.study_campaign.campaign
+    evidence_rows = frame[frame["case"].str.startswith(f"{campaign}: ") & is_evidence(frame)]
     cases = result.tables.cases
     verdicts = by_case(result.tables).verdict
     n_agree = int((verdicts == "agree").sum())
     n_tested = int(verdicts.isin(["agree", "disagree"]).sum())
+    reproduced_text = "–"
+    if len(evidence_rows):
+        reproduced_text = f"{int(is_reproduced(evidence_rows).sum())} of {len(evidence_rows)}"
     return {
         "campaign": campaign,
         "cases": len(cases),
         "runs": int(cases.run_count.sum()),
         "failed runs": int(cases.failed_count.sum()),
-        "as published": f"{int(reproduced(counted).sum())} of {len(counted)}" if len(counted) else "–",
+        "as published": reproduced_text,
         "both engines agree": f"{n_agree} of {n_tested} cases" if n_tested else "–",
     }
 
@@ -200,10 +203,10 @@ def campaign_section(result: StudyResult, frame: pd.DataFrame, script: StudyScri
     script : StudyScript
         Additions to the report.
     """
-    part = result.part
-    question = part.question or result.campaign.description
+    study_campaign = result.study_campaign
+    question = study_campaign.question or result.campaign.description
     blocks: list[Block] = [Text(_one_line(question))] if question else []
-    frame = frame[~script.is_statement(named(result, frame))]  # statements are shown in the answer
+    frame = frame[~script.is_statement(prefix_cases(result, frame))]  # statements are shown in the answer
     if len(frame):
         sources = "; ".join(dict.fromkeys(frame.source))
         blocks.append(formatted_table("study_references", frame, sources=sources))
@@ -211,15 +214,15 @@ def campaign_section(result: StudyResult, frame: pd.DataFrame, script: StudyScri
     blocks += motion_summary(result.tables)
     blocks += control_tables(result.tables, brief=True)
     blocks += observed_table(result.tables)
-    blocks += study_tables(result.tables, part.tables, part.paired)
+    blocks += study_tables(result.tables, study_campaign.tables, study_campaign.paired)
     blocks += _campaign_pictures(result, script)
-    if part.kml is not None:
-        file = f"{part.campaign}.kml"
+    if study_campaign.kml is not None:
+        file = f"{study_campaign.campaign}.kml"
         blocks.append(Text(f"The trajectory with 3-sigma position errors, for Earth viewers: {file}."))
-    for paragraph in part.text.split("\n\n"):
+    for paragraph in study_campaign.text.split("\n\n"):
         if paragraph.strip():
             blocks.append(Text(_one_line(paragraph)))
-    return Section(part.campaign, heading(part.campaign), blocks)
+    return Section(study_campaign.campaign, heading(study_campaign.campaign), blocks)
 
 
 def _one_line(text: str) -> str:
@@ -228,9 +231,9 @@ def _one_line(text: str) -> str:
 
 def _campaign_pictures(result: StudyResult, script: StudyScript) -> list[Block]:
     """Return the figures of a campaign that study.yaml names, and the spread of the runs if it does not name it."""
-    part = result.part
-    figures = {f"{place}-{figure.plot}": figure for place, figure in enumerate(part.figures, 1)}
-    if not any(figure.plot == "spread" for figure in part.figures):
+    study_campaign = result.study_campaign
+    figures = {f"{place}-{figure.plot}": figure for place, figure in enumerate(study_campaign.figures, 1)}
+    if not any(figure.plot == "spread" for figure in study_campaign.figures):
         figures["spread"] = CampaignFigure(plot="spread")
     pictures_of_campaign: list[Block] = []
     for name, figure in figures.items():
@@ -246,7 +249,7 @@ def _campaign_pictures(result: StudyResult, script: StudyScript) -> list[Block]:
         else:
             caption = script_figure.caption
         caption = _one_line(figure.caption or caption)
-        pictures_of_campaign.append(Picture(f"{part.campaign}-{name}", drawing, caption))
+        pictures_of_campaign.append(Picture(f"{study_campaign.campaign}-{name}", drawing, caption))
     return pictures_of_campaign
 
 
@@ -294,11 +297,11 @@ def _references(result: StudyResult, script: StudyScript) -> list[Mapping[str, A
 
 def _locus_arguments(figure: CampaignFigure) -> tuple[Any, ...]:
     """Return the arguments of the plot `locus` after the tables."""
-    published = None
+    published_value = None
     if figure.published is not None:
-        published = PublishedValue(figure.published, figure.band or (0.5, 2.0))
+        published_value = PublishedValue(figure.published, figure.band or (0.5, 2.0))
     metric = figure.model_dump(include={"metric", "at", "during", "statistic"})
-    return (figure.axis, metric, figure.unit, published, figure.cases, figure.varied, figure.study_level)
+    return (figure.axis, metric, figure.unit, published_value, figure.cases, figure.varied, figure.study_level)
 
 
 def _cases(result: StudyResult, case: Case) -> list[str]:
@@ -306,13 +309,13 @@ def _cases(result: StudyResult, case: Case) -> list[str]:
     digests = cases_of(result.tables, case, ())
     if not digests:
         labels = list(result.tables.labels.values())
-        raise InputError(f"study.yaml: {result.part.campaign}: no case {case}; there are {labels}")
+        raise InputError(f"study.yaml: {result.study_campaign.campaign}: no case {case}; there are {labels}")
     return digests
 
 
-def agreements(answered: Sequence[StudyResult]) -> Section:
+def agreements(study_results: Sequence[StudyResult]) -> Section:
     """Return the appendix with the cases in which runs and linear covariance disagree."""
-    frames = [by_case(result.tables).assign(campaign=result.part.campaign) for result in answered]
+    frames = [by_case(result.tables).assign(campaign=result.study_campaign.campaign) for result in study_results]
     frame = pd.concat(frames, ignore_index=True)
     frame = frame[frame.verdict != "no runs"]
     frame = frame.assign(
@@ -326,16 +329,16 @@ def agreements(answered: Sequence[StudyResult]) -> Section:
     return Section("agreement", APPENDIX, blocks)
 
 
-def reproduce(study: StudyCard, answered: Sequence[StudyResult]) -> Section:
+def reproduce(study: StudyCard, study_results: Sequence[StudyResult]) -> Section:
     """Return the command, seeds and digests of each campaign."""
     rows = []
-    for result in answered:
+    for result in study_results:
         campaign = result.tables.campaign
         manifest = result.tables.manifest
         monte_carlo = campaign.get("monte_carlo") or {}
         rows.append(
             {
-                "campaign": result.part.campaign,
+                "campaign": result.study_campaign.campaign,
                 "seed": str(campaign.get("seed")),
                 "runs per case": str(monte_carlo.get("runs", 0)),
                 "campaign digest": manifest.get("campaign_digest", ""),
@@ -343,6 +346,6 @@ def reproduce(study: StudyCard, answered: Sequence[StudyResult]) -> Section:
             }
         )
     place = study.name or "FOLDER"
-    command = Text(f"lvnav-trade study {place} --keep reports/{place}", kind="code")
+    command = Text(f"lvnav-trade study {place} --keep reports/{place}", block_type="code")
     blocks: list[Block] = [command, Text(note("study_reproduce", place=place)), table(pd.DataFrame(rows))]
     return Section("reproduce", "How to reproduce", blocks)

@@ -5,13 +5,13 @@ from functools import partial
 
 import pandas as pd
 
-from lvnav_trade.report.blocks import Block, Text, formatted_table, of
-from lvnav_trade.report.diagnostics import error_bound, rates, worth
+from lvnav_trade.report.blocks import Block, Text, formatted_table, table_section
+from lvnav_trade.report.diagnostics import error_bound, fault_test_benefit, rates
 from lvnav_trade.report.escape import note
 from lvnav_trade.report.evidence import logic_tables
 from lvnav_trade.results.evaluation.coverage import coverage
 from lvnav_trade.results.evaluation.rms import paired_levels
-from lvnav_trade.results.requirements.requirements import in_words
+from lvnav_trade.results.requirements.requirements import verdict_texts
 from lvnav_trade.results.tables.read import Tables
 
 _MANY = 12  # cases; with more, the table of coverage has the last event only
@@ -33,10 +33,10 @@ def study_tables(tables: Tables, names: Sequence[str], axis: str) -> list[Block]
         "requirements": _requirements,
         "logic": logic_tables,
         "coverage": _coverage,
-        "paired": partial(_paired, axis=axis),
+        "paired": partial(_paired_differences, axis=axis),
         "error_bound": error_bound,
         "integrity": rates,
-        "tested_errors": worth,
+        "tested_errors": fault_test_benefit,
     }
     blocks = []
     for name, build_table in builders.items():
@@ -45,7 +45,7 @@ def study_tables(tables: Tables, names: Sequence[str], axis: str) -> list[Block]
     return blocks
 
 
-@of("requirements")
+@table_section("requirements")
 def _requirements(tables: Tables, frame: pd.DataFrame) -> list[Block]:
     confidence = frame.confidence.iloc[0]
     n_met = int((frame.verdict == "met").sum())
@@ -54,7 +54,7 @@ def _requirements(tables: Tables, frame: pd.DataFrame) -> list[Block]:
         f"within the limit, at a confidence of {100 * confidence:g} %."
     )
     verdicts = {"met": "pass", "violated": "fail", "undecided": "undecided"}
-    rows = in_words(frame).assign(
+    rows = verdict_texts(frame).assign(
         verdict=frame.verdict.map(verdicts),
         beyond=frame.failures.astype(str) + " of " + frame.runs.astype(str),
     )
@@ -89,14 +89,14 @@ def _spaced_events(frame: pd.DataFrame) -> list[str]:
     times = times.sort_values(ascending=False, kind="stable")
     last = "injection" if "injection" in times.index else str(times.index[0])
     least_distance = (times.max() - times.min()) / 8.0
-    selected = [last]
+    event_names = [last]
     for name, t in times.items():
-        if all(abs(t - times[event]) >= least_distance for event in selected):
-            selected.append(str(name))
-    return selected
+        if all(abs(t - times[event]) >= least_distance for event in event_names):
+            event_names.append(str(name))
+    return event_names
 
 
-def _paired(tables: Tables, axis: str) -> list[Block]:
+def _paired_differences(tables: Tables, axis: str) -> list[Block]:
     frame = paired_levels(tables, axis)
     if frame.empty:
         return []

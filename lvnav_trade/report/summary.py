@@ -7,9 +7,9 @@ from typing import Any
 import pandas as pd
 
 from lvnav_trade.report.advice import advice, ways_to_comply
-from lvnav_trade.report.assumptions import placed_by_assumptions, ranked_by_assumptions
-from lvnav_trade.report.blocks import Block, Details, Table, Text, figure, listed, number, table, words
-from lvnav_trade.report.document import margin_policy, place_of
+from lvnav_trade.report.assumptions import orbit_warning, ranking_warning
+from lvnav_trade.report.blocks import Block, Details, Table, Text, figure, join_texts, number, table, words
+from lvnav_trade.report.document import margin_policy, place_text
 from lvnav_trade.report.sentences import say
 from lvnav_trade.report.validity import (
     MARKS,
@@ -17,13 +17,13 @@ from lvnav_trade.report.validity import (
     empty_stages,
     filter_cells,
     mark,
-    overconfidence,
-    short_lived,
+    sigma_warnings,
     window_cells,
+    window_warning,
 )
 from lvnav_trade.results.evaluation import METRICS
 from lvnav_trade.results.evaluation.covariances import by_case
-from lvnav_trade.results.requirements.margins import ORDER, key_cases, worst
+from lvnav_trade.results.requirements.margins import ORDER, key_cases, severest_verdict
 from lvnav_trade.results.requirements.requirements import with_unit
 from lvnav_trade.results.requirements.windows import COVARIANCE
 from lvnav_trade.results.tables.read import Tables
@@ -38,24 +38,24 @@ def summary(tables: Tables) -> list[Block]:
     """Return the verdict in a few lines, the margin of every requirement in every case, and the ranking."""
     frame = METRICS["margins"](tables)
     blocks: list[Block] = [
-        *_beyond(tables),
+        *_limit_warning(tables),
         *_verdict(frame),
-        *short_lived(tables),
-        *overconfidence(tables),
+        *window_warning(tables),
+        *sigma_warnings(tables),
         *empty_stages(tables),
         *margin_policy(tables, frame),
         *_deciding_cases(tables, frame),
     ]
-    ways = ways_to_comply(METRICS["improvements"](tables))
-    if len(ways):
-        first = next(ways.itertuples())
-        text = say("comply_first", advice=advice(tables, first), others=len(ways) - 1)
+    improvements = ways_to_comply(METRICS["improvements"](tables))
+    if len(improvements):
+        first = next(improvements.itertuples())
+        text = say("comply_first", advice=advice(tables, first), others=len(improvements) - 1)
         blocks.append(Text(text, "To comply:"))
     blocks.append(Text(" ".join([_extent(tables), *_agreement(tables)])))
     blocks += _remarks("warning", tables.manifest.get("warnings", []))
     blocks += _remarks("note", tables.manifest.get("notes", []))
-    blocks += placed_by_assumptions(tables)
-    blocks += ranked_by_assumptions(tables)
+    blocks += orbit_warning(tables)
+    blocks += ranking_warning(tables)
     if len(frame):
         blocks.append(_matrix(tables, frame))
     else:
@@ -81,19 +81,19 @@ def _verdict(frame: pd.DataFrame) -> list[Block]:
         return []
     names = list(dict.fromkeys(frame.requirement))
     is_several = len(names) > 1
-    worst_verdicts = frame.groupby("case", sort=False).verdict.agg(worst)
+    worst_verdicts = frame.groupby("case", sort=False).verdict.agg(severest_verdict)
     counts = worst_verdicts.value_counts()
-    others = []
+    other_verdicts = []
     for verdict in reversed(ORDER):
         if verdict in counts and verdict != "met":
-            others.append(_not_met(frame, worst_verdicts, verdict, is_several))
+            other_verdicts.append(_not_met(frame, worst_verdicts, verdict, is_several))
     text = say(
         "verdict",
         met=int(counts.get("met", 0)),
         whole=len(worst_verdicts),
         requirements=len(names),
         evidence=_evidence(frame, worst_verdicts, "met"),
-        others=others,
+        others=other_verdicts,
         by_covariance=bool((frame.by == COVARIANCE).all()),
     )
     if is_several:
@@ -144,22 +144,22 @@ def _evidence(frame: pd.DataFrame, worst_verdicts: pd.Series, verdict: str) -> s
     verdict : str
         "met" or "violated"; the result is empty for any other verdict.
     """
-    of_runs = frame.by != COVARIANCE
-    if of_runs.all() or not of_runs.any() or verdict not in ("met", "violated"):
+    is_by_runs = frame.by != COVARIANCE
+    if is_by_runs.all() or not is_by_runs.any() or verdict not in ("met", "violated"):
         return ""
-    rows = frame.assign(of_runs=of_runs)
+    rows = frame.assign(of_runs=is_by_runs)
     worst_verdict = rows.case.map(worst_verdicts)
     rows = rows[(worst_verdict == verdict) & (rows.verdict == verdict)]
     if rows.empty:
         return ""
     case_evidence = rows.groupby("case", sort=False).of_runs
-    confirmed = case_evidence.all() if verdict == "met" else case_evidence.any()
-    partly_confirmed = case_evidence.any()[~confirmed]
+    is_confirmed = case_evidence.all() if verdict == "met" else case_evidence.any()
+    is_partly_confirmed = case_evidence.any()[~is_confirmed]
     return say(
         "evidence",
-        by_runs=int(confirmed.sum()),
-        others=len(partly_confirmed),
-        in_part=bool(partly_confirmed.any()),
+        by_runs=int(is_confirmed.sum()),
+        others=len(is_partly_confirmed),
+        in_part=bool(is_partly_confirmed.any()),
     )
 
 
@@ -171,14 +171,14 @@ def _deciding_cases(tables: Tables, frame: pd.DataFrame) -> list[Block]:
         row = rows.loc[rows.margin_ratio.idxmin()]
         estimate = with_unit(row.estimate, row.unit)
         limit = with_unit(row.limit, row.unit)
-        margin = _signed(row)
+        margin = _signed_margin(row)
         sentences.append(f"{_ROLES[role]}: {case} ({margin}, {estimate} of {limit})")
     if not sentences:
         return []
     return [Text(f"{'; '.join(sentences)}.", "Margins.")]
 
 
-def _signed(row: Any, as_multiple: bool | None = None) -> str:
+def _signed_margin(row: Any, as_multiple: bool | None = None) -> str:
     """Return a margin with the sign of its verdict.
 
     as_multiple : Whether to write the error as a multiple of the limit; by default from `_MULTIPLE` on.
@@ -207,7 +207,7 @@ def _matrix(tables: Tables, frame: pd.DataFrame) -> Block:
         has_multiple[name] = bool((error_ratio >= _MULTIPLE).any())
     margins = {}
     for row in frame.itertuples():
-        margin = _signed(row, has_multiple[row.requirement])
+        margin = _signed_margin(row, has_multiple[row.requirement])
         margins[row.case, row.requirement] = margin + mark(row.by, is_by_covariance)
 
     ranking = METRICS["ranking"](tables).set_index("case")
@@ -229,11 +229,11 @@ def _matrix(tables: Tables, frame: pd.DataFrame) -> Block:
     matrix_text = str(lines)
     caption = say(
         "matrix",
-        required=_required(tables, frame),
+        required=_requirements_sentence(tables, frame),
         has_multiples=any(has_multiple.values()),
         signs=[f"{sign} {verdict}" for verdict, sign in SIGNS.items() if (frame.verdict == verdict).any()],
         by_covariance=is_by_covariance,
-        marks=[f"{sign} {RESTS_ON[by]}" for by, sign in MARKS.items() if sign in matrix_text],
+        marks=[f"{sign} {RESTS_ON[evidence]}" for evidence, sign in MARKS.items() if sign in matrix_text],
         moments=list(dict.fromkeys(events)),
         has_windows=bool(windows),
         event=words(METRICS["ranking"](tables).event.iloc[0]),
@@ -246,7 +246,7 @@ def _matrix(tables: Tables, frame: pd.DataFrame) -> Block:
     )
 
 
-def _required(tables: Tables, frame: pd.DataFrame) -> str:
+def _requirements_sentence(tables: Tables, frame: pd.DataFrame) -> str:
     """Return the requirements as a sentence: limit, place and share of flights; empty if there are too many."""
     requirements = tables.campaign.get("requirements") or ()
     if not requirements or len(requirements) > _FEW:
@@ -261,14 +261,14 @@ def _required(tables: Tables, frame: pd.DataFrame) -> str:
             {
                 "name": name,
                 "limit": limits.get(name, requirement["below"]),
-                "place": place_of(requirement),
+                "place": place_text(requirement),
                 "probability": float(requirement["probability"]),
             }
         )
     return say("required", requirements=facts)
 
 
-def _beyond(tables: Tables) -> list[Block]:
+def _limit_warning(tables: Tables) -> list[Block]:
     """Return a warning if cards permit trajectories outside validated limits, which a reader should not overlook."""
     lines = tables.manifest.get("beyond_limits", [])
     if not lines:
@@ -279,15 +279,15 @@ def _beyond(tables: Tables) -> list[Block]:
 def _extent(tables: Tables) -> str:
     """Return the number of cases and runs, and of failed runs, as a sentence."""
     cases = tables.cases
-    failed = int(cases.failed_count.sum())
+    failed_count = int(cases.failed_count.sum())
     return say(
         "extent",
         cases=len(cases),
         runs=int(cases.run_count.sum()),
         least=int(cases.run_count.min()),
         most=int(cases.run_count.max()),
-        failed=failed,
-        first=tables.runs.t_failed_s.min() if failed else math.nan,
+        failed=failed_count,
+        first=tables.runs.t_failed_s.min() if failed_count else math.nan,
     )
 
 
@@ -315,19 +315,19 @@ def _ranking(tables: Tables) -> Block:
 def _agreement(tables: Tables) -> list[str]:
     """Return sentences on the agreement of runs and linear covariance."""
     cases = by_case(tables)
-    tested = cases[cases.verdict.isin(["agree", "disagree"])]
+    tested_cases = cases[cases.verdict.isin(["agree", "disagree"])]
     sentences = []
-    if len(tested):
-        differing = tested[tested.verdict == "disagree"]
+    if len(tested_cases):
+        differing = tested_cases[tested_cases.verdict == "disagree"]
         disagreements = []
         for row in differing.itertuples():
             disagreements.append(say("disagreement", case=row.case, row=row._asdict()))
-        level = float(tested.alpha_ratio.iloc[0])
-        sentences.append(say("agreement", tested=len(tested), level=level, bad=disagreements))
+        level = float(tested_cases.alpha_ratio.iloc[0])
+        sentences.append(say("agreement", tested=len(tested_cases), level=level, bad=disagreements))
     reasons = []
     inapplicable = cases[cases.verdict == "not applicable"]
     for reason, rows in inapplicable.groupby("reason", sort=False):
-        labels = listed(list(rows.case), 2 * _FEW)
+        labels = join_texts(list(rows.case), 2 * _FEW)
         reasons.append(f"{labels} ({reason})")
     if reasons:
         sentences.append(f"Not applicable: {'; '.join(reasons)}.")

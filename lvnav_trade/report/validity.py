@@ -5,8 +5,8 @@ from typing import Any
 
 import pandas as pd
 
-from lvnav_trade.report.advice import unmodelled
-from lvnav_trade.report.blocks import Block, Text, listed, percent, words
+from lvnav_trade.report.advice import missing_states
+from lvnav_trade.report.blocks import Block, Text, join_texts, percent, words
 from lvnav_trade.report.sentences import say
 from lvnav_trade.results.evaluation import METRICS
 from lvnav_trade.results.evaluation.filter_consistency import CONSERVATIVE, CONSISTENT, OVERCONFIDENT
@@ -46,24 +46,24 @@ def filter_verdict(verdict: str, sigma_ratio: float) -> str:
     return text
 
 
-def overconfidence(tables: Tables) -> list[Block]:
+def sigma_warnings(tables: Tables) -> list[Block]:
     """Return a warning on filters whose sigma is too small, and a note on those whose sigma is too large."""
     frame = METRICS["filter_verdicts"](tables)
-    small = frame[frame.verdict == OVERCONFIDENT]
-    large = frame[frame.verdict == CONSERVATIVE]
+    overconfident_rows = frame[frame.verdict == OVERCONFIDENT]
+    conservative_rows = frame[frame.verdict == CONSERVATIVE]
     blocks: list[Block] = []
-    if len(small):
+    if len(overconfident_rows):
         text = say(
             "overconfident",
-            designs=len(small),
+            designs=len(overconfident_rows),
             whole=len(frame),
-            ratio=_span(small.sigma_ratio),
-            cure=_cure(tables, small),
+            ratio=_span(overconfident_rows.sigma_ratio),
+            cure=_remedy(tables, overconfident_rows),
         )
         blocks.append(Text(text, "Warning:"))
-    if len(large):
-        ratios = 1.0 / large.sigma_ratio.where(large.sigma_ratio > 0.0)
-        text = say("conservative", designs=len(large), whole=len(frame), ratio=_span(ratios))
+    if len(conservative_rows):
+        ratios = 1.0 / conservative_rows.sigma_ratio.where(conservative_rows.sigma_ratio > 0.0)
+        text = say("conservative", designs=len(conservative_rows), whole=len(frame), ratio=_span(ratios))
         blocks.append(Text(text, "Note:"))
     return blocks
 
@@ -75,10 +75,10 @@ def _span(ratios: pd.Series) -> str:
     return low if low == high else f"{low} to {high}"
 
 
-def _cure(tables: Tables, rows: pd.DataFrame) -> str:
+def _remedy(tables: Tables, rows: pd.DataFrame) -> str:
     """Return the largest error source that these filters do not model, and the cards that model it."""
     digests = {label: case for case, label in tables.labels.items()}
-    error, missing = unmodelled(tables, [digests[case] for case in rows.case])
+    error, missing = missing_states(tables, [digests[case] for case in rows.case])
     if not missing:
         return ""
     shares = [state.share for state in missing]
@@ -95,7 +95,7 @@ def _cure(tables: Tables, rows: pd.DataFrame) -> str:
     )
 
 
-def short_lived(tables: Tables) -> list[Block]:
+def window_warning(tables: Tables) -> list[Block]:
     """Return a warning on designs that meet a requirement at its event but exceed its limit within the window around
     it.
 
@@ -108,25 +108,25 @@ def short_lived(tables: Tables) -> list[Block]:
         is_met = (margins.requirement == name) & (margins.verdict == "met")
         compliant = set(margins[is_met].case)
         rows = rows.assign(is_compliant=rows.case.isin(compliant))
-        exceeding = rows[rows.verdict_changes & rows.is_compliant]
-        if len(exceeding):
-            sentence = _window_sentence(rows, exceeding, len(compliant))
+        violating_rows = rows[rows.verdict_changes & rows.is_compliant]
+        if len(violating_rows):
+            sentence = _window_sentence(rows, violating_rows, len(compliant))
             blocks.append(Text(sentence, "Warning:"))
     return blocks + _not_evaluated(tables)
 
 
-def _window_sentence(rows: pd.DataFrame, exceeding: pd.DataFrame, n_compliant: int) -> str:
+def _window_sentence(rows: pd.DataFrame, violating_rows: pd.DataFrame, n_compliant: int) -> str:
     """Return a sentence on designs that exceed a limit around its event.
 
     rows : windows of all cases around the event of one requirement
-    exceeding : rows of designs that comply at the event and exceed the limit around it
+    violating_rows : rows of designs that comply at the event and exceed the limit around it
     n_compliant : number of designs that comply at the event
     """
     cases = []
-    for row in exceeding.itertuples():
-        worst = with_unit(row.worst, row.unit)
-        cases.append(f"{row.case}: {worst} {when(row)}")
-    texts, source = with_evidence(cases, exceeding.by)
+    for row in violating_rows.itertuples():
+        error_text = with_unit(row.worst, row.unit)
+        cases.append(f"{row.case}: {error_text} {worst_time_text(row)}")
+    texts, source = with_evidence(cases, violating_rows.by)
     window = rows.iloc[0]
     return say(
         "holds",
@@ -136,10 +136,10 @@ def _window_sentence(rows: pd.DataFrame, exceeding: pd.DataFrame, n_compliant: i
         before=f"{window.t_s - window.first_s:.3g}",
         after=f"{window.last_s - window.t_s:.3g}",
         met=n_compliant,
-        bad=len(exceeding),
+        bad=len(violating_rows),
         stay=int((rows.is_compliant & (rows.worst < rows.limit)).sum()),
-        quantile=f"{percent(exceeding.probability.iloc[0])} quantile{source}",
-        cases=listed(texts, 2 * _FEW),
+        quantile=f"{percent(violating_rows.probability.iloc[0])} quantile{source}",
+        cases=join_texts(texts, 2 * _FEW),
     )
 
 
@@ -162,14 +162,14 @@ def empty_stages(tables: Tables) -> list[Block]:
     return [Text(text, "Empty stages.")]
 
 
-def with_evidence(texts: Sequence[str], by: pd.Series) -> tuple[list[str], str]:
+def with_evidence(texts: Sequence[str], evidence: pd.Series) -> tuple[list[str], str]:
     """Return texts on windows with their evidence.
 
     Parameters
     ----------
     texts : sequence of str
         The texts.
-    by : pandas.Series
+    evidence : pandas.Series
         Evidence of each text, as in `windows`.
 
     Returns
@@ -179,9 +179,9 @@ def with_evidence(texts: Sequence[str], by: pd.Series) -> tuple[list[str], str]:
     evidence : str
         The common evidence; empty if the evidence differs.
     """
-    if by.nunique() == 1:
-        return list(texts), f" {RESTS_ON[by.iloc[0]]}"
-    return [f"{text}, {RESTS_ON[source]}" for text, source in zip(texts, by, strict=True)], ""
+    if evidence.nunique() == 1:
+        return list(texts), f" {RESTS_ON[evidence.iloc[0]]}"
+    return [f"{text}, {RESTS_ON[source]}" for text, source in zip(texts, evidence, strict=True)], ""
 
 
 def _not_evaluated(tables: Tables) -> list[Block]:
@@ -189,22 +189,22 @@ def _not_evaluated(tables: Tables) -> list[Block]:
     # Requirements of the same event, reason and cases share a text
     names_of: dict[tuple[str, str, tuple[str, ...]], list[str]] = {}
     keys = ["requirement", "event", "reason"]
-    unevaluated = METRICS["unevaluated"](tables)
-    for (name, event, reason), rows in unevaluated.groupby(keys, sort=False):
+    unevaluated_rows = METRICS["unevaluated"](tables)
+    for (name, event, reason), rows in unevaluated_rows.groupby(keys, sort=False):
         key = (event, reason, tuple(rows.case))
         names_of.setdefault(key, []).append(name)
     texts = []
     for (event, reason, cases), names in names_of.items():
-        text = listed(names, 2 * _FEW, ", ")
+        text = join_texts(names, 2 * _FEW, ", ")
         if len(cases) != len(tables.labels):
-            text += f" of {listed(cases, _FEW)}"
+            text += f" of {join_texts(cases, _FEW)}"
         texts.append(f"{text}, around {words(event)}: {reason}")
     if not texts:
         return []
-    return [Text(f"The duration of the verdict is unknown for {listed(texts, 2 * _FEW)}.", "Note:")]
+    return [Text(f"The duration of the verdict is unknown for {join_texts(texts, 2 * _FEW)}.", "Note:")]
 
 
-def when(row: Any, event: str = "the event") -> str:
+def worst_time_text(row: Any, event: str = "the event") -> str:
     """Return the time of the worst error in a window, relative to its event."""
     return say("when", offset=row.worst_s - row.t_s, event=event)
 
@@ -240,8 +240,8 @@ def _worst_cell(row: Any) -> str:
     return f"{sign} {row.worst:.3g} at {row.worst_s - row.t_s:+.1f} s"
 
 
-def mark(by: str, alone: bool) -> str:
+def mark(evidence: str, is_by_covariance: bool) -> str:
     """Return the mark of a number without runs as evidence; no mark by linear covariance if all verdicts rest on it."""
-    if by not in MARKS or (alone and by == COVARIANCE):
+    if evidence not in MARKS or (is_by_covariance and evidence == COVARIANCE):
         return ""
-    return f" {MARKS[by]}"
+    return f" {MARKS[evidence]}"

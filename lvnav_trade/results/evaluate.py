@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from lvnav_trade.quantities.state_layout import split_metric
-from lvnav_trade.results.metric import Metric, MetricValue, SingleValue, event_of, no_fit, scale_of
+from lvnav_trade.results.metric import Metric, MetricValue, SingleValue, dimension_message, event_of, scale_of
 from lvnav_trade.results.registry import metric_of
 from lvnav_trade.results.statistics.case_results import RunErrors
 from lvnav_trade.results.statistics.case_tables import CaseTables
@@ -14,14 +14,14 @@ from lvnav_trade.results.statistics.select import errors_by_axis, pick
 from lvnav_trade.results.tables.read import Tables
 
 
-def metric_in(statement: Mapping[str, Any]) -> Metric:
+def statement_metric(statement: Mapping[str, Any]) -> Metric:
     """Return the metric named by a statement or requirement."""
     return metric_of(str(statement["metric"]))
 
 
 def name_of(statement: Mapping[str, Any]) -> str:
     """Return the label of a statement: statistic, metric, and event or phase; see `Metric.label`."""
-    return metric_in(statement).label(statement)
+    return statement_metric(statement).label(statement)
 
 
 def evaluate(tables: Tables, case: str, statement: Mapping[str, Any], unit: str) -> MetricValue:
@@ -38,7 +38,7 @@ def evaluate(tables: Tables, case: str, statement: Mapping[str, Any], unit: str)
     unit : str
         Unit of the value; "-" for the SI unit.
     """
-    return metric_in(statement).value(tables, case, statement, unit)
+    return statement_metric(statement).value(tables, case, statement, unit)
 
 
 def evaluate_single(tables: Tables, case: str, statement: Mapping[str, Any], unit: str) -> SingleValue:
@@ -60,7 +60,7 @@ def evaluate_single(tables: Tables, case: str, statement: Mapping[str, Any], uni
     SingleValue
         Value by the runs, or by linear covariance if there are no runs.
     """
-    return metric_in(statement).single(tables, case, statement, unit)
+    return statement_metric(statement).single(tables, case, statement, unit)
 
 
 def errors_at(tables: Tables, case: str, event: str, metric: str) -> RunErrors | None:
@@ -108,7 +108,7 @@ def difference(tables: Tables, case: str, other: str, statement: Mapping[str, An
     event = event_of(statement)
     first = errors_by_axis(tables, case, event, quantity)
     second = errors_by_axis(tables, other, event, quantity)
-    failed = (first.failure != "") | (second.failure != "")
+    has_failed = (first.failure != "") | (second.failure != "")
     first = first.drop(columns="failure")
     second = second.drop(columns="failure")
 
@@ -119,11 +119,11 @@ def difference(tables: Tables, case: str, other: str, statement: Mapping[str, An
         si = ""
     scale = scale_of(unit, si)
     if scale is None:
-        return MetricValue(remark=no_fit(unit))
+        return MetricValue(remark=dimension_message(unit))
     if not columns or first.empty:
         return MetricValue(remark="no runs")
     sum_of_squares = ((first[columns] - second[columns]) ** 2).sum(axis=1)
-    squares = sum_of_squares.mask(failed, np.inf).to_numpy() / scale**2
+    squares = sum_of_squares.mask(has_failed, np.inf).to_numpy() / scale**2
     good_squares = squares[np.isfinite(squares)]
     if len(good_squares):
         root_mean_square = float(np.sqrt(good_squares.mean()))

@@ -80,7 +80,7 @@ class SingleValue(NamedTuple):
 @dataclass(frozen=True)
 class Metric:
     """A metric. A family overrides the members that apply to it: at least `value`, for requirements also
-    `errors` and, where linear covariance describes it, `law`.
+    `errors` and, where linear covariance describes it, `distribution`.
 
     name : Name in campaigns.
     unit : SI unit; "-" or "%" for a number without unit.
@@ -90,15 +90,15 @@ class Metric:
     average : How the numbers of several cases are averaged.
     is_signed : Whether it has a sign, so that its mean over the runs is meaningful.
     has_least : Whether a statement can ask for its smallest value in a phase.
-    is_of_signals : Whether elevation and altitude select the signals to evaluate.
+    selects_signals : Whether elevation and altitude select the signals to evaluate.
     has_epoch : Whether a statement chooses the kind of its elements and their epochs.
-    is_of_modes : Whether a statement names a mode of the filter's logic.
+    names_mode : Whether a statement names a mode of the filter's logic.
     limit_unit : SI unit of the limit `below` in a statement; empty if there is no limit.
     limit_by_sigma : Whether the limit may be a multiple of the sigma of another case.
-    at_events_only : Reason why a requirement must be at an event; empty if a phase is possible.
-    once_a_run : Whether a run has a single value of it, so that there is no time history around an event.
+    event_only_reason : Reason why a requirement must be at an event; empty if a phase is possible.
+    has_single_value : Whether a run has a single value of it, so that there is no time history around an event.
     has_history : Whether it is known between events, so that a requirement can have a window.
-    bounded_as : Kind of a bound on it: `LENGTH`, `TWO_SIDED` or `ONE_SIDED`.
+    bound_type : Kind of a bound on it: `LENGTH`, `TWO_SIDED` or `ONE_SIDED`.
     """
 
     name: str
@@ -108,11 +108,11 @@ class Metric:
     named_by: ClassVar[str] = STATEMENTS
     average: ClassVar[str] = ROOT_MEAN_SQUARE
     has_least: ClassVar[bool] = False
-    is_of_signals: ClassVar[bool] = False
-    is_of_modes: ClassVar[bool] = False
+    selects_signals: ClassVar[bool] = False
+    names_mode: ClassVar[bool] = False
     limit_by_sigma: ClassVar[bool] = False
-    at_events_only: ClassVar[str] = ""
-    once_a_run: ClassVar[bool] = False
+    event_only_reason: ClassVar[str] = ""
+    has_single_value: ClassVar[bool] = False
 
     @property
     def has_epoch(self) -> bool:
@@ -130,7 +130,7 @@ class Metric:
         return True
 
     @property
-    def bounded_as(self) -> str:
+    def bound_type(self) -> str:
         """Kind of a bound on it: `LENGTH`, `TWO_SIDED` or `ONE_SIDED`."""
         return ONE_SIDED
 
@@ -200,7 +200,7 @@ class Metric:
         """
         return None
 
-    def law(self, case: CaseResults, requirement: Mapping[str, Any]) -> Distribution | str:
+    def distribution(self, case: CaseResults, requirement: Mapping[str, Any]) -> Distribution | str:
         """Return the distribution of the bounded quantity by linear covariance, or the reason why there is none.
 
         Parameters
@@ -231,7 +231,7 @@ def event_of(statement: Mapping[str, Any]) -> str:
     return str(statement.get("at") or "injection")
 
 
-def where(statement: Mapping[str, Any]) -> str:
+def event_or_phase(statement: Mapping[str, Any]) -> str:
     """Return the phase or event of a statement or requirement."""
     return str(statement.get("during") or event_of(statement))
 
@@ -254,6 +254,6 @@ def scale_of(unit: str, si: str) -> float | None:
         return None
 
 
-def no_fit(unit: str) -> str:
+def dimension_message(unit: str) -> str:
     """Return the message for a unit of another dimension."""
     return f"unit {unit} does not fit"

@@ -44,9 +44,9 @@ def add_metrics(metrics: Iterable[Metric]) -> None:
     ValueError
         A name is already used by another metric.
     """
-    registered = registry()
+    metric_by_name = registry()
     for metric in metrics:
-        if registered.setdefault(metric.name, metric) != metric:
+        if metric_by_name.setdefault(metric.name, metric) != metric:
             raise ValueError(f"another metric has the name {metric.name}")
 
 
@@ -57,7 +57,7 @@ def find(name: str) -> Metric | None:
 
 def metric_of(name: str) -> Metric:
     """Return the metric with a name found in results; a name that is not registered is the error of a filter state."""
-    return find(name) or StateError.of(name, "")
+    return find(name) or StateError.from_name(name, "")
 
 
 def names(condition: Callable[[Metric], bool]) -> tuple[str, ...]:

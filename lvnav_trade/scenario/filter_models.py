@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from lvnav_trade.filter.assumed import ImuModel, InitialModel, ReceiverModel
-from lvnav_trade.gnss.constellation import parts_of
+from lvnav_trade.gnss.constellation import constellation_parts
 from lvnav_trade.gnss.receiver_cards import DirectSolution, SmoothingCard
 from lvnav_trade.imu.array import ImuSet
 from lvnav_trade.imu.differences import RelativeErrors, relative_errors
@@ -16,7 +16,7 @@ from lvnav_trade.imu.error_model import ImuCard
 from lvnav_trade.kernels.transition import ACCEL, GYRO
 from lvnav_trade.quantities.per_axis import PerAxis, each_axis
 from lvnav_trade.quantities.state_layout import RELATIVE
-from lvnav_trade.sensors.family import SENSOR_MEASUREMENTS, model_of
+from lvnav_trade.sensors.family import SENSOR_MEASUREMENTS, sensor_filter_model
 from lvnav_trade.sensors.imu_difference import ImuDifferenceCard
 from lvnav_trade.sensors.sensor import SensorCard
 
@@ -30,7 +30,7 @@ def sensors_measuring(scenario: Scenario, measurement: str) -> tuple[SensorCard,
     return tuple(card for card in cards if card.measurement == measurement)
 
 
-def measured(scenario: Scenario) -> tuple[str, ...]:
+def filter_measurements(scenario: Scenario) -> tuple[str, ...]:
     """Return the measurements of the filter, without those whose sensor is null."""
     return tuple(
         name
@@ -39,7 +39,7 @@ def measured(scenario: Scenario) -> tuple[str, ...]:
     )
 
 
-def sensors_used(scenario: Scenario) -> dict[str, SensorCard]:
+def used_sensors(scenario: Scenario) -> dict[str, SensorCard]:
     """Return the sensors whose measurements the filter uses, by name."""
     return {
         name: card
@@ -63,14 +63,14 @@ def sensor_model(scenario: Scenario, sensor: SensorCard) -> Any:
     Any
         Model with the fields of the sensor's family.
     """
-    stated = getattr(scenario.filter.sensor_models, sensor.measurement)
-    if isinstance(sensor, ImuDifferenceCard) and isinstance(stated, str):
+    model_card = getattr(scenario.filter.sensor_models, sensor.measurement)
+    if isinstance(sensor, ImuDifferenceCard) and isinstance(model_card, str):
         model: Any = sensor.model
-        return model.model_construct(random_walk=difference_of(scenario, sensor).random_walk)
-    return model_of(scenario.filter.sensor_models, sensor)
+        return model.model_construct(random_walk=imu_difference_errors(scenario, sensor).random_walk)
+    return sensor_filter_model(scenario.filter.sensor_models, sensor)
 
 
-def difference_of(scenario: Scenario, sensor: ImuDifferenceCard) -> RelativeErrors:
+def imu_difference_errors(scenario: Scenario, sensor: ImuDifferenceCard) -> RelativeErrors:
     """Return the sigmas of the difference of the two IMUs of a difference sensor.
 
     Parameters
@@ -92,7 +92,7 @@ def difference_of(scenario: Scenario, sensor: ImuDifferenceCard) -> RelativeErro
     return relative_errors(scenario.imu, quantity, first - 1, second - 1)
 
 
-def solves(scenario: Scenario) -> bool:
+def has_receiver_solution(scenario: Scenario) -> bool:
     """Return whether the receiver computes its own solution.
 
     It does so for a loosely coupled filter, and for a solution that is reported next to a filter that does not use the
@@ -104,16 +104,16 @@ def solves(scenario: Scenario) -> bool:
     return scenario.filter.loose or card.reported
 
 
-def reported(scenario: Scenario) -> bool:
+def is_solution_reported(scenario: Scenario) -> bool:
     """Return whether errors of the receiver's solution are reported in addition to those of the navigation filter."""
     card = scenario.receiver.solution
-    return solves(scenario) and not isinstance(card, DirectSolution) and card.reported
+    return has_receiver_solution(scenario) and not isinstance(card, DirectSolution) and card.reported
 
 
-def smoothing_of(scenario: Scenario) -> SmoothingCard | None:
+def carrier_smoothing(scenario: Scenario) -> SmoothingCard | None:
     """Return the carrier smoothing of the ranges before the receiver's solution; None without such a solution."""
     card = scenario.receiver.solution
-    if isinstance(card, DirectSolution) or not solves(scenario):
+    if isinstance(card, DirectSolution) or not has_receiver_solution(scenario):
         return None
     return card.smoothing
 
@@ -122,12 +122,12 @@ def has_covariance(scenario: Scenario) -> bool:
     """Return whether every solution has a reported covariance, so that its scalars are processed together."""
     compensation = scenario.filter.delay_compensation
     is_extrapolated = compensation is not None and compensation.kind == "extrapolated" and scenario.filter.loose
-    return solves(scenario) or is_extrapolated
+    return has_receiver_solution(scenario) or is_extrapolated
 
 
 def epoch_interval(scenario: Scenario) -> float:
     """Return the time (s) between epochs: that of the receiver if it computes a solution, otherwise of the filter."""
-    rate = scenario.receiver.rate if solves(scenario) else scenario.filter.update_rate
+    rate = scenario.receiver.rate if has_receiver_solution(scenario) else scenario.filter.update_rate
     return 1.0 / rate
 
 
@@ -168,9 +168,9 @@ def _matched_imu(imu: ImuCard) -> ImuModel:
 def _with_differences(model: ImuModel, scenario: Scenario) -> ImuModel:
     """Return the model with the relative biases of the IMUs whose difference is measured."""
     relative: dict[str, PerAxis] = {}
-    for card in sensors_used(scenario).values():
+    for card in used_sensors(scenario).values():
         if isinstance(card, ImuDifferenceCard):
-            state, errors = RELATIVE[card.measurement], difference_of(scenario, card)
+            state, errors = RELATIVE[card.measurement], imu_difference_errors(scenario, card)
             relative |= {
                 state: errors.bias,
                 f"{state}_walk": errors.walk,
@@ -199,7 +199,7 @@ def _matched_receiver(scenario: Scenario) -> Any:
     """
     receiver = scenario.receiver
     air = scenario.atmosphere
-    systems = parts_of(scenario.constellation)
+    systems = constellation_parts(scenario.constellation)
 
     def largest(*pairs: tuple[float, float | None]) -> tuple[float, float | None]:
         return max(pairs, key=lambda pair: pair[0])
@@ -210,10 +210,10 @@ def _matched_receiver(scenario: Scenario) -> Any:
     def multipath() -> float:
         return receiver.amplification * receiver.multipath
 
-    def solution_number(name: str, otherwise: float | None) -> Callable[[], Any]:
+    def solution_number(name: str, default: float | None) -> Callable[[], Any]:
         def number() -> Any:
             has_number = isinstance(receiver.solution, DirectSolution)
-            return getattr(receiver.solution, name) if has_number else otherwise
+            return getattr(receiver.solution, name) if has_number else default
 
         return number
 

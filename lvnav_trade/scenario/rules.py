@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from lvnav_trade.scenario.filter_models import filter_models, sensors_measuring, solves
+from lvnav_trade.scenario.filter_models import filter_models, has_receiver_solution, sensors_measuring
 from lvnav_trade.sensors.family import SENSOR_MEASUREMENTS
 
 if TYPE_CHECKING:
@@ -75,15 +75,15 @@ def _repeated_fault(scenario: Scenario) -> Iterator[RuleBreach]:
             return
 
 
-def _unmeasured(scenario: Scenario) -> Iterator[RuleBreach]:
+def _missing_sensors(scenario: Scenario) -> Iterator[RuleBreach]:
     """Yield the measurements that no sensor provides; a sensor set to null removes its measurement without an error."""
     for name in scenario.filter.measurements:
-        provided = None in scenario.sensors.values() or sensors_measuring(scenario, name)
-        if name in SENSOR_MEASUREMENTS and not provided:
+        has_sensor = None in scenario.sensors.values() or sensors_measuring(scenario, name)
+        if name in SENSOR_MEASUREMENTS and not has_sensor:
             yield RuleBreach("filter.measurements", f"no sensor of the scenario measures {name}")
 
 
-SETTINGS: tuple[Callable[[Scenario], Iterator[RuleBreach]], ...] = (_control, _repeated_fault, _unmeasured)
+SETTINGS: tuple[Callable[[Scenario], Iterator[RuleBreach]], ...] = (_control, _repeated_fault, _missing_sensors)
 
 
 # --- combinations that physics excludes -------------------------------------------------------------------------------
@@ -102,7 +102,7 @@ def _units(scenario: Any) -> tuple[Any, ...]:
     return tuple(getattr(scenario.imu, "units", (scenario.imu,)))
 
 
-def _quantised(unit: Any) -> bool:
+def _is_quantised(unit: Any) -> bool:
     return max(unit.gyro.quantisation, unit.accel.quantisation) > 0.0
 
 
@@ -116,7 +116,7 @@ def _differences(scenario: Any) -> list[Any]:
     return [card for card in scenario.sensors.values() if getattr(card, "measurement", "").endswith("_difference")]
 
 
-def _late(scenario: Any, card: Any) -> bool:
+def _has_modelled_latency(scenario: Any, card: Any) -> bool:
     """Return whether the filter models a latency of a sensor, by the sensor's card (`matched`) or the filter's card."""
     model = getattr(scenario.filter.sensor_models, card.measurement)
     if isinstance(model, str):  # matched
@@ -124,10 +124,14 @@ def _late(scenario: Any, card: Any) -> bool:
     return bool(model.latency > 0.0)
 
 
-def _late_sensors(scenario: Any) -> bool:
+def _has_latency_compensation(scenario: Any) -> bool:
     """Return whether the filter compensates the latency of a sensor."""
     for card in scenario.sensors.values():
-        if card is not None and card.measurement in scenario.filter.measurements and _late(scenario, card):
+        if (
+            card is not None
+            and card.measurement in scenario.filter.measurements
+            and _has_modelled_latency(scenario, card)
+        ):
             return True
     return False
 
@@ -136,7 +140,7 @@ REFUSALS = (
     Refusal(
         "filter.delay_compensation",
         "it has no effect: the filter uses neither the receiver nor a sensor with latency",
-        lambda s: _delay(s) is not None and not _receiver(s) and not _late_sensors(s),
+        lambda s: _delay(s) is not None and not _receiver(s) and not _has_latency_compensation(s),
     ),
     Refusal(
         "filter.delay_compensation.kind",
@@ -172,18 +176,18 @@ REFUSALS = (
         lambda s: (
             s.trajectory.pad_hold <= 0.0
             and s.trajectory.kind != "table"  # its rows may begin at rest
-            and any(card is not None and card.on_pad for card in s.sensors.values())
+            and any(card is not None and card.is_on_pad for card in s.sensors.values())
         ),
     ),
     Refusal(
         "filter.gains",
         "the filter has no measurement that a gain could be for",
-        lambda s: s.filter.gains is not None and not s.filter.aided,
+        lambda s: s.filter.gains is not None and not s.filter.is_aided,
     ),
     Refusal(
         "imu",
         "quantisation correlates a sample with the next one, which samples as measurements (imu) take for independent",
-        lambda s: s.filter.models_vehicle and any(_quantised(unit) for unit in _units(s)),
+        lambda s: s.filter.models_vehicle and any(_is_quantised(unit) for unit in _units(s)),
     ),
     Refusal(
         "faults",
@@ -216,13 +220,14 @@ REFUSALS = (
     Refusal(
         "imu",
         "quantisation correlates a difference of increments with the next one, which updates take for independent",
-        lambda s: bool(_differences(s)) and any(_quantised(unit) for unit in _units(s)),
+        lambda s: bool(_differences(s)) and any(_is_quantised(unit) for unit in _units(s)),
     ),
     Refusal(
         "sensors",
         "what a vehicle at rest is known to do, and what two units differ by, reaches the filter at once: no latency",
         lambda s: any(
-            card is not None and card.at_once and (card.latency > 0.0 or _late(s, card)) for card in s.sensors.values()
+            card is not None and card.has_no_latency and (card.latency > 0.0 or _has_modelled_latency(s, card))
+            for card in s.sensors.values()
         ),
     ),
     Refusal(
@@ -231,7 +236,7 @@ REFUSALS = (
         lambda s: (
             s.control is not None
             and any(
-                card is not None and card.measurement == "attitude" and (card.stated or card.latency)
+                card is not None and card.measurement == "attitude" and (card.condition_keys or card.latency)
                 for card in s.sensors.values()
             )
         ),
@@ -239,7 +244,7 @@ REFUSALS = (
 )
 
 
-def refused(scenario: Any) -> Refusal | None:
+def first_refusal(scenario: Any) -> Refusal | None:
     """Return the first refusal that applies to a scenario, None if it can be simulated."""
     return next((refusal for refusal in REFUSALS if refusal.applies(scenario)), None)
 
@@ -261,7 +266,7 @@ def _rates(scenario: Scenario) -> Iterator[RuleBreach]:
         ("imu.rate", "filter.covariance_rate"),
         ("filter.covariance_rate", "filter.update_rate"),
     ]
-    if scenario.filter.tight or scenario.filter.loose or solves(scenario):
+    if scenario.filter.tight or scenario.filter.loose or has_receiver_solution(scenario):
         pairs.append(("receiver.rate", "filter.update_rate"))
     slower_rates = [(faster, path, attrgetter(path)(scenario)) for faster, path in pairs]
     for name, card in scenario.sensors.items():
@@ -285,8 +290,8 @@ def _strapdown(scenario: Scenario) -> Iterator[RuleBreach]:
 def _noiseless(scenario: Scenario) -> Iterator[RuleBreach]:
     """Yield the measurements that the filter models without noise, which makes its covariance singular."""
     card = scenario.filter
-    matched = isinstance(card.receiver, str)
-    if solves(scenario) and matched:
+    is_matched = isinstance(card.receiver, str)
+    if has_receiver_solution(scenario) and is_matched:
         return  # the receiver reports the covariance of its solutions, which is never zero
     _, receiver, _ = filter_models(scenario)
     truth = "receiver" if card.tight else "receiver.solution"
@@ -294,7 +299,7 @@ def _noiseless(scenario: Scenario) -> Iterator[RuleBreach]:
         name = f"{measurement}_sigma"
         if getattr(receiver, name, 1.0) <= 0.0:
             reason = f"the filter cannot model {measurement.replace('_', ' ')} without noise; should be greater than 0"
-            yield RuleBreach(f"{truth if matched else 'filter.receiver'}.{name}", reason)
+            yield RuleBreach(f"{truth if is_matched else 'filter.receiver'}.{name}", reason)
 
 
 CASES: tuple[Callable[[Scenario], Iterator[RuleBreach]], ...] = (_rates, _strapdown, _noiseless)
@@ -304,12 +309,12 @@ def breaches(scenario: Scenario) -> Iterator[RuleBreach]:
     """Yield the breaches of the rules for every scenario, and the first refused combination."""
     for rule in SETTINGS:
         yield from rule(scenario)
-    refusal = refused(scenario)
+    refusal = first_refusal(scenario)
     if refusal is not None:
         yield RuleBreach(refusal.path, refusal.reason)
 
 
-def breaches_of_case(scenario: Scenario) -> Iterator[RuleBreach]:
+def case_breaches(scenario: Scenario) -> Iterator[RuleBreach]:
     """Yield the breaches of the rules for the cases of a campaign."""
     for rule in CASES:
         yield from rule(scenario)

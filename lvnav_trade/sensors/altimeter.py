@@ -7,7 +7,7 @@ from typing import Annotated, ClassVar, Literal, Self
 import numpy as np
 from pydantic import Field, model_validator
 
-from lvnav_trade.kernels.earth import height_and_up
+from lvnav_trade.kernels.earth import height_and_normal
 from lvnav_trade.kernels.jit import jit
 from lvnav_trade.kernels.strapdown import R
 from lvnav_trade.quantities.records import Bools, Floats
@@ -53,7 +53,7 @@ class AltimeterCard(SensorCard):
     jacobian: ClassVar[tuple[str, ...]] = ("position",)
     noise: ClassVar[str] = "altimeter noise"
     noise_fields: ClassVar[tuple[str, ...]] = ("sigma", "share")
-    able: ClassVar[str] = "the height is within its range"
+    availability_phrase: ClassVar[str] = "the height is within its range"
 
     kind: Literal["altimeter"] = "altimeter"
     sigma: LengthSigma = Field(gt=0.0, description="white noise of a measurement")
@@ -64,7 +64,7 @@ class AltimeterCard(SensorCard):
     highest: Annotated[Length, Field(gt=0.0)] = Field(description="height above which it does not measure")
 
     @model_validator(mode="after")
-    def _spans(self) -> Self:
+    def _check_range(self) -> Self:
         if self.lowest >= self.highest:
             raise ValueError("lowest should be below highest")
         return self
@@ -77,44 +77,44 @@ class AltimeterCard(SensorCard):
         """Return the one-sigma (n_epoch, 1) in m."""
         return np.hypot(self.sigma, self.share * flight.height)[:, None]
 
-    def available(self, flight: FlightView) -> Bools:
+    def is_available(self, flight: FlightView) -> Bools:
         """Return whether the height is within its range, (n_epoch,)."""
         return np.asarray((flight.height >= self.lowest) & (flight.height <= self.highest))
 
     @property
-    def limiting(self) -> str:
-        """Its greatest height."""
+    def limiting_field(self) -> str:
+        """Field with its greatest height."""
         return "highest"
 
-    def lasting(self) -> tuple[CorrelatedError, ...]:
+    def correlated_errors(self) -> tuple[CorrelatedError, ...]:
         """Return its bias."""
         return (CorrelatedError("altimeter bias", "height_bias", self.bias, "bias", self.bias_time or math.inf),)
 
 
 @jit
-def fill(H, z, at, observed, nav):
+def fill(H, z, first_row, measurement, nav):
     """Set the Jacobian row of a height and its innovation.
 
     Parameters
     ----------
     H : (n, n_entry)
-        Jacobian rows of the epoch; that at `at` is set.
+        Jacobian rows of the epoch; that at `first_row` is set.
     z : (n,)
-        Innovations; that at `at` is set (m).
-    at : int
+        Innovations; that at `first_row` is set (m).
+    first_row : int
         Index of the scalar measurement.
-    observed : (4,)
+    measurement : (4,)
         Measured height over the ellipsoid (m) in the first entry.
     nav : (10,)
         Navigation state, frame i.
     """
-    height, ux, uy, uz = height_and_up(nav[R], nav[R + 1], nav[R + 2])
-    h = H[at]
+    height, ux, uy, uz = height_and_normal(nav[R], nav[R + 1], nav[R + 2])
+    h = H[first_row]
     clear(h)
     h[H_POS] = ux
     h[H_POS + 1] = uy
     h[H_POS + 2] = uz
-    z[at] = observed[0] - height
+    z[first_row] = measurement[0] - height
 
 
 SENSORS = (

@@ -58,28 +58,28 @@ def measure(out, truth, e0, e1, e2):
 
 
 @jit
-def fill(H, z, at, observed, nav):
+def fill(H, z, first_row, measurement, nav):
     """Set the Jacobian rows of an attitude and its innovation, the small rotation from estimate to measurement.
 
     Parameters
     ----------
     H : (n, n_entry)
-        Jacobian rows of the epoch; three from `at` on are set.
+        Jacobian rows of the epoch; three from `first_row` on are set.
     z : (n,)
-        Innovations; three from `at` on are set (rad, frame i).
-    at : int
+        Innovations; three from `first_row` on are set (rad, frame i).
+    first_row : int
         Index of the first scalar measurement.
-    observed : (4,)
+    measurement : (4,)
         Measured quaternion, body to frame i.
     nav : (10,)
         Navigation state, frame i.
     """
-    z[at], z[at + 1], z[at + 2] = small_rotation(
-        observed[0], observed[1], observed[2], observed[3], nav[Q], nav[Q + 1], nav[Q + 2], nav[Q + 3]
+    z[first_row], z[first_row + 1], z[first_row + 2] = small_rotation(
+        measurement[0], measurement[1], measurement[2], measurement[3], nav[Q], nav[Q + 1], nav[Q + 2], nav[Q + 3]
     )
     for axis in range(3):
-        clear(H[at + axis])
-        H[at + axis, H_ATT + axis] = 0.0 * z[at] + 1.0
+        clear(H[first_row + axis])
+        H[first_row + axis, H_ATT + axis] = 0.0 * z[first_row] + 1.0
 
 
 SENSORS = (

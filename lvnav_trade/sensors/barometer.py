@@ -67,7 +67,7 @@ class BarometerCard(SensorCard):
     unit: ClassVar[str] = "m"
     jacobian: ClassVar[tuple[str, ...]] = ("position",)
     noise: ClassVar[str] = "barometer noise"
-    able: ClassVar[str] = "the height is within its range"
+    availability_phrase: ClassVar[str] = "the height is within its range"
 
     kind: Literal["barometer"] = "barometer"
     sigma: Pressure = Field(description="white noise of the static pressure; dp / (rho g) of height")
@@ -94,29 +94,29 @@ class BarometerCard(SensorCard):
         """Return the one-sigma (n_epoch, 1) in m."""
         return self.sigma * _height_per_pressure(flight.height)
 
-    def available(self, flight: FlightView) -> Bools:
+    def is_available(self, flight: FlightView) -> Bools:
         """Return whether it is low enough, (n_epoch,)."""
         return np.asarray(flight.height <= self.highest)
 
     @property
-    def limiting(self) -> str:
+    def limiting_field(self) -> str:
         """Its greatest height."""
         return "highest"
 
-    def lasting(self) -> tuple[CorrelatedError, ...]:
+    def correlated_errors(self) -> tuple[CorrelatedError, ...]:
         """Return its bias, its scale error and the error of its port."""
         return (
             CorrelatedError("barometer bias", "bias", self.bias, "bias", self.bias_time or math.inf),
-            CorrelatedError("barometer scale", "scale", self.scale, "scale", math.inf, ("",), _of_height),
-            CorrelatedError("barometer port", "flow", self.flow, "flow", math.inf, ("",), _of_flow),
+            CorrelatedError("barometer scale", "scale", self.scale, "scale", math.inf, ("",), _height_partials),
+            CorrelatedError("barometer port", "flow", self.flow, "flow", math.inf, ("",), _flow_partials),
         )
 
 
-def _of_height(flight: FlightView) -> Floats:
+def _height_partials(flight: FlightView) -> Floats:
     return flight.height[:, None, None]
 
 
-def _of_flow(flight: FlightView) -> Floats:
+def _flow_partials(flight: FlightView) -> Floats:
     """Return the height (n_epoch, 1, 1) m equivalent to the dynamic pressure: (rho v^2 / 2) / (rho g)."""
     speed = np.linalg.norm(earth_velocity(flight.r_i, flight.v_i), axis=1)
     return np.asarray(speed**2 / (2.0 * _GRAVITY))[:, None, None]

@@ -12,14 +12,14 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, Union
 
 from pydantic import Field, create_model
 
-from lvnav_trade.kernels.choice import choosing
-from lvnav_trade.kernels.jit import inlined
+from lvnav_trade.kernels.choice import choose_kernel
+from lvnav_trade.kernels.jit import inline_jit
 from lvnav_trade.quantities.units import Card
 from lvnav_trade.sensors.receiver_observables import FURTHER
 from lvnav_trade.sensors.sensor import Registration, SensorCard
 
 
-def kind_of(card: type[SensorCard]) -> str:
+def card_kind(card: type[SensorCard]) -> str:
     """Return the kind of a sensor card, as a scenario names it."""
     return str(card.model_fields["kind"].default)
 
@@ -31,7 +31,7 @@ def _family() -> tuple[Registration, ...]:
     for module in pkgutil.walk_packages([str(Path(__file__).parent)], f"{package}."):
         if module.name != __name__:
             members += getattr(importlib.import_module(module.name), "SENSORS", ())
-    return tuple(sorted(members, key=lambda member: (member.order, kind_of(member.card))))
+    return tuple(sorted(members, key=lambda member: (member.order, card_kind(member.card))))
 
 
 FAMILY = _family()
@@ -68,14 +68,14 @@ else:
     )
 
 
-def model_of(models: SensorModels, sensor: SensorCard) -> Any:
+def sensor_filter_model(models: SensorModels, sensor: SensorCard) -> Any:
     """Return the filter model of a sensor: that of the filter card, or for `matched` the numbers of the sensor."""
-    stated = getattr(models, sensor.measurement)
-    return sensor.matched() if isinstance(stated, str) else stated
+    model_setting = getattr(models, sensor.measurement)
+    return sensor.matched_model() if isinstance(model_setting, str) else model_setting
 
 
-@inlined
-@choosing([member.measure for member in FAMILY])
+@inline_jit
+@choose_kernel([member.measure for member in FAMILY])
 def measure(out, code, truth, e0, e1, e2):
     """Set the measured values of a sensor.
 
@@ -92,10 +92,10 @@ def measure(out, code, truth, e0, e1, e2):
     """
 
 
-@inlined
-@choosing([member.fill for member in FAMILY])
-def fill(H, z, at, code, observed, nav, theta, known):
-    """Set the Jacobian rows of a sensor, from index `at` on, and its innovations (measured minus predicted).
+@inline_jit
+@choose_kernel([member.fill for member in FAMILY])
+def fill(H, z, first_row, code, measurement, nav, theta, parameters):
+    """Set the Jacobian rows of a sensor, from index `first_row` on, and its innovations (measured minus predicted).
 
     Parameters
     ----------
@@ -103,16 +103,16 @@ def fill(H, z, at, code, observed, nav, theta, known):
         Jacobian, updated in place.
     z : (n,)
         Innovations, updated in place.
-    at : int
+    first_row : int
         Index of the first scalar measurement.
     code : int
         Index of the sensor in `FAMILY`.
-    observed : (4,)
+    measurement : (4,)
         Measured values, as from `measure`.
     nav : (10,)
         Navigation state, frame i.
     theta : float
         Earth angle at the epoch (rad).
-    known : (N_KNOWN,)
+    parameters : (N_FILTER_PARAMETER,)
         Parameters of the sensor that the filter knows, at the epoch.
     """

@@ -38,7 +38,7 @@ def _table() -> tuple[Floats, Floats, Floats]:
     return years, g, h
 
 
-def year_of(epoch: str) -> float:
+def decimal_year(epoch: str) -> float:
     """Return the decimal year of an ISO 8601 time (UTC)."""
     moment = datetime.fromisoformat(epoch)
     moment = moment.replace(tzinfo=UTC) if moment.tzinfo is None else moment.astimezone(UTC)
@@ -48,7 +48,7 @@ def year_of(epoch: str) -> float:
     return moment.year + fraction
 
 
-def covered() -> tuple[float, float]:
+def model_years() -> tuple[float, float]:
     """Return the first and the last year of the model."""
     years = _table()[0]
     return float(years[0]), float(years[-1])
@@ -63,13 +63,13 @@ def coefficients(year: float) -> tuple[Floats, Floats]:
     if not years[0] <= year <= years[-1]:
         raise ValueError(f"IGRF-14 is of {years[0]:g} to {years[-1]:g}, not of {year:.1f}")
     next_epoch = int(np.searchsorted(years, year))
-    after = min(max(next_epoch, 1), years.size - 1)
-    before = after - 1
-    interval = years[after] - years[before]
-    weight_after = (year - years[before]) / interval
-    weight_before = 1.0 - weight_after
-    g_now = weight_before * g[..., before] + weight_after * g[..., after]
-    h_now = weight_before * h[..., before] + weight_after * h[..., after]
+    next_index = min(max(next_epoch, 1), years.size - 1)
+    previous_index = next_index - 1
+    interval = years[next_index] - years[previous_index]
+    next_weight = (year - years[previous_index]) / interval
+    previous_weight = 1.0 - next_weight
+    g_now = previous_weight * g[..., previous_index] + next_weight * g[..., next_index]
+    h_now = previous_weight * h[..., previous_index] + next_weight * h[..., next_index]
     return g_now, h_now
 
 

@@ -26,8 +26,16 @@ from lvnav_trade.kernels.strapdown import R
 from lvnav_trade.quantities.conditions import ELEVATIONS, SightConditions
 from lvnav_trade.quantities.frames import ecef_from_geodetic, eci_from_ecef, rotation_e_n
 from lvnav_trade.quantities.records import Bools, Floats
-from lvnav_trade.quantities.units import Angle, AngleSigma, Fraction, Length, LengthSigma, TimeConstant, distinct
-from lvnav_trade.sensors.jacobian_row import H_POS, angle_of, clear
+from lvnav_trade.quantities.units import (
+    Angle,
+    AngleSigma,
+    Fraction,
+    Length,
+    LengthSigma,
+    TimeConstant,
+    require_distinct,
+)
+from lvnav_trade.sensors.jacobian_row import H_POS, arctangent, clear
 from lvnav_trade.sensors.sensor import (
     Check,
     CorrelatedError,
@@ -41,7 +49,7 @@ from lvnav_trade.sensors.sensor import (
 
 Scalar = Literal["range", "azimuth", "elevation"]
 SCALARS: tuple[Scalar, ...] = ("range", "azimuth", "elevation")
-# Indices of the known parameters: station position, horizontal reference direction and up (3 each, frame i); azimuth,
+# Indices of the filter parameters: station position, horizontal reference direction and up (3 each, frame i); azimuth,
 # elevation, and cosine and sine of the elevation of the reference; scalars as a bit mask: 1 + 2 + 4 for all.
 PLACE, AHEAD, UP, AZIMUTH, ELEVATION, COSINE, SINE, WHICH = 0, 3, 6, 9, 10, 11, 12, 13
 
@@ -96,13 +104,13 @@ class StationCard(SensorCard, SightConditions):
     jacobian: ClassVar[tuple[str, ...]] = ("position",)
     noise: ClassVar[str] = "ground tracking noise"
     noise_fields: ClassVar[tuple[str, ...]] = ("range_sigma", "angle_sigma")
-    able: ClassVar[str] = "the station sees the vehicle"
+    availability_phrase: ClassVar[str] = "the station sees the vehicle"
 
     kind: Literal["ground_station"] = "ground_station"
     latitude: Angle = Field(description="geodetic, of the station as surveyed")
     longitude: Angle = Field(description="surveyed longitude of the station")
     height: Length = Field(0.0, description="height of the station above the ellipsoid")
-    measures: Annotated[tuple[Scalar, ...], AfterValidator(distinct)] = Field(
+    measures: Annotated[tuple[Scalar, ...], AfterValidator(require_distinct)] = Field(
         SCALARS, min_length=1, description="measurements of the station"
     )
     range_sigma: LengthSigma = Field(0.0, description="white noise of a range; required if the station measures range")
@@ -149,7 +157,7 @@ class StationCard(SensorCard, SightConditions):
         """Indices of the measured scalars in `SCALARS`."""
         return [SCALARS.index(name) for name in self.scalars]
 
-    def look(self, flight: FlightView) -> StationSight:
+    def lines_of_sight(self, flight: FlightView) -> StationSight:
         """Return the lines of sight to the vehicle at the epochs."""
         C_e_n = rotation_e_n(self.latitude, self.longitude)
         site_e = np.array(ecef_from_geodetic(self.latitude, self.longitude, self.height))
@@ -161,16 +169,16 @@ class StationCard(SensorCard, SightConditions):
         n = np.sum(line * north, axis=1)
         e = np.sum(line * east, axis=1)
         u = np.sum(line * up, axis=1)
-        level = np.hypot(n, e)
+        horizontal_distance = np.hypot(n, e)
         distance = np.linalg.norm(line, axis=1)
         azimuth = np.mod(np.arctan2(e, n), 2.0 * np.pi)
-        elevation = np.arctan2(u, level)
+        elevation = np.arctan2(u, horizontal_distance)
         # derivatives by position: along the line, across it in the horizontal plane, and across it in the vertical one
         across = n[:, None] * east - e[:, None] * north
-        azimuth_partial = across / level[:, None] ** 2
+        azimuth_partial = across / horizontal_distance[:, None] ** 2
         horizontal = n[:, None] * north + e[:, None] * east
-        ahead = horizontal / level[:, None]
-        vertical = level[:, None] * up - u[:, None] * ahead
+        ahead = horizontal / horizontal_distance[:, None]
+        vertical = horizontal_distance[:, None] * up - u[:, None] * ahead
         elevation_partial = vertical / distance[:, None] ** 2
         range_partial = line / distance[:, None]
         return StationSight(
@@ -184,7 +192,7 @@ class StationCard(SensorCard, SightConditions):
 
     def truth(self, flight: FlightView) -> Floats:
         """Return the measured scalars among range (m), azimuth and elevation (rad), (n_epoch, n_scalar)."""
-        return self.look(flight).values[:, self._indices]
+        return self.lines_of_sight(flight).values[:, self._indices]
 
     def noise_sigma(self, flight: FlightView) -> Floats:
         """Return the one-sigma (1, n_scalar) in m or rad."""
@@ -194,30 +202,30 @@ class StationCard(SensorCard, SightConditions):
         """Return the variance (1, n_scalar) that a filter assumes for the measured scalars."""
         return model.variance(flight)[:, self._indices]
 
-    def available(self, flight: FlightView) -> Bools:
+    def is_available(self, flight: FlightView) -> Bools:
         """Return whether the vehicle is above the mask and near enough, (n_epoch,)."""
-        distance, _, elevation = self.look(flight).values.T
-        return np.asarray((distance <= self.longest_range) & (elevation >= 0.0) & self.sights(elevation))
+        distance, _, elevation = self.lines_of_sight(flight).values.T
+        return np.asarray((distance <= self.longest_range) & (elevation >= 0.0) & self.meets_elevation(elevation))
 
     @property
-    def limiting(self) -> str:
-        """Its elevation mask, or else its longest range."""
+    def limiting_field(self) -> str:
+        """Field with its elevation mask, or else with its longest range."""
         for name in ELEVATIONS:
-            if name in self.stated:
+            if name in self.condition_keys:
                 return name
         return "longest_range"
 
-    def known(self, model: SensorModel, flight: FlightView) -> Floats:
+    def filter_parameters(self, model: SensorModel, flight: FlightView) -> Floats:
         """Return the parameters of the station and the reference of its angles, (n_epoch, 14): `PLACE` to `WHICH`."""
-        look = self.look(flight)
-        _, azimuth, elevation = look.values.T
-        ahead = np.cos(azimuth)[:, None] * look.north + np.sin(azimuth)[:, None] * look.east
+        sight = self.lines_of_sight(flight)
+        _, azimuth, elevation = sight.values.T
+        ahead = np.cos(azimuth)[:, None] * sight.north + np.sin(azimuth)[:, None] * sight.east
         angles = np.stack([azimuth, elevation, np.cos(elevation), np.sin(elevation)], axis=1)
         mask = sum(2**k for k in self._indices)
         masks = np.full((flight.t.size, 1), mask)
-        return np.hstack([look.place, ahead, look.up, angles, masks])
+        return np.hstack([sight.place, ahead, sight.up, angles, masks])
 
-    def lasting(self) -> tuple[CorrelatedError, ...]:
+    def correlated_errors(self) -> tuple[CorrelatedError, ...]:
         """Return biases, survey error and residual refraction."""
         errors = []
         if 0 in self._indices:
@@ -272,13 +280,13 @@ class StationCard(SensorCard, SightConditions):
 
     def _survey_partials(self, flight: FlightView) -> Floats:
         """Return the derivative (n_epoch, n_scalar, 3) by the survey error north, east, up."""
-        look = self.look(flight)
-        axes = np.stack([look.north, look.east, look.up], axis=2)
-        return self._select(-look.partials @ axes)
+        sight = self.lines_of_sight(flight)
+        axes = np.stack([sight.north, sight.east, sight.up], axis=2)
+        return self._select(-sight.partials @ axes)
 
     def _refraction_partials(self, flight: FlightView) -> Floats:
         """Return the refraction (n_epoch, n_scalar, 1): excess of the range (m), bending of the elevation (rad)."""
-        distance, _, elevation = self.look(flight).values.T
+        distance, _, elevation = self.lines_of_sight(flight).values.T
         air = along_line(exponential_refractivity, self.height, np.maximum(elevation, 0.0), distance)
         refraction = np.stack([air.excess, 0.0 * distance, air.bending], axis=1)
         return self._select(refraction[:, :, None])
@@ -299,31 +307,31 @@ def _set_position_row(h, x, y, z):
 
 
 @jit
-def _wrapped(angle):
+def _wrap_angle(angle):
     """Return an angle (rad) between -2 pi and 2 pi as an angle between -pi and pi."""
-    wrapped = where(angle < -math.pi, angle + 2.0 * math.pi, angle)
-    return where(angle > math.pi, angle - 2.0 * math.pi, wrapped)
+    wrapped_angle = where(angle < -math.pi, angle + 2.0 * math.pi, angle)
+    return where(angle > math.pi, angle - 2.0 * math.pi, wrapped_angle)
 
 
 @jit
-def fill(H, z, at, observed, nav, known):
-    """Set the Jacobian rows of the measured scalars from `at` on, and the innovations (m, rad).
+def fill(H, z, first_row, measurement, nav, parameters):
+    """Set the Jacobian rows of the measured scalars from `first_row` on, and the innovations (m, rad).
 
     Parameters
     ----------
     H, z : (n, n_entry) and (n,) Jacobian rows and innovations of the epoch, updated in place
-    at : index of the first scalar measurement
-    observed : (4,) measured scalars, without those that the station does not measure, in order of `SCALARS` (m, rad)
+    first_row : index of the first scalar measurement
+    measurement : (4,) measured scalars, without those that the station does not measure, in order of `SCALARS` (m, rad)
     nav : (10,) navigation state, frame i
-    known : (14,) parameters of station and reference direction, `PLACE` to `WHICH`
+    parameters : (14,) parameters of station and reference direction, `PLACE` to `WHICH`
     """
     # line from the station
-    x = nav[R] - known[PLACE]
-    y = nav[R + 1] - known[PLACE + 1]
-    w = nav[R + 2] - known[PLACE + 2]
+    x = nav[R] - parameters[PLACE]
+    y = nav[R + 1] - parameters[PLACE + 1]
+    w = nav[R + 2] - parameters[PLACE + 2]
     # axes: horizontal reference direction f, g to its right, up u
-    fx, fy, fz = known[AHEAD], known[AHEAD + 1], known[AHEAD + 2]
-    ux, uy, uz = known[UP], known[UP + 1], known[UP + 2]
+    fx, fy, fz = parameters[AHEAD], parameters[AHEAD + 1], parameters[AHEAD + 2]
+    ux, uy, uz = parameters[UP], parameters[UP + 1], parameters[UP + 2]
     gx, gy, gz = cross(fx, fy, fz, ux, uy, uz)
     forward = x * fx + y * fy + w * fz
     right = x * gx + y * gy + w * gz
@@ -332,39 +340,39 @@ def fill(H, z, at, observed, nav, known):
     level = sqrt(level_square)
     distance_square = level_square + up * up
     distance = sqrt(distance_square)
-    which = int(known[WHICH])
-    measures_range = which % 2 == 1
-    measures_azimuth = which // 2 % 2 == 1
-    measures_elevation = which >= 4
-    row, k = at, 0
+    scalar_mask = int(parameters[WHICH])
+    measures_range = scalar_mask % 2 == 1
+    measures_azimuth = scalar_mask // 2 % 2 == 1
+    measures_elevation = scalar_mask >= 4
+    row, k = first_row, 0
     if measures_range:
         _set_position_row(H[row], x / distance, y / distance, w / distance)
-        z[row] = observed[k] - distance
+        z[row] = measurement[k] - distance
         row, k = row + 1, k + 1
     if measures_azimuth:
         # tan(azimuth - reference) = right / forward
-        by_right = forward / level_square
-        by_forward = right / level_square
-        azimuth_x = by_right * gx - by_forward * fx
-        azimuth_y = by_right * gy - by_forward * fy
-        azimuth_z = by_right * gz - by_forward * fz
+        right_partial = forward / level_square
+        forward_partial = right / level_square
+        azimuth_x = right_partial * gx - forward_partial * fx
+        azimuth_y = right_partial * gy - forward_partial * fy
+        azimuth_z = right_partial * gz - forward_partial * fz
         _set_position_row(H[row], azimuth_x, azimuth_y, azimuth_z)
-        z[row] = _wrapped(observed[k] - known[AZIMUTH]) - angle_of(right, forward)
+        z[row] = _wrap_angle(measurement[k] - parameters[AZIMUTH]) - arctangent(right, forward)
         row, k = row + 1, k + 1
     if measures_elevation:
         # tan(elevation) = up / level; the horizontal part of the line has length `level`
         level_x = forward * fx + right * gx
         level_y = forward * fy + right * gy
         level_z = forward * fz + right * gz
-        by_up = level / distance_square
-        by_level = up / (level * distance_square)
-        elevation_x = by_up * ux - by_level * level_x
-        elevation_y = by_up * uy - by_level * level_y
-        elevation_z = by_up * uz - by_level * level_z
+        up_partial = level / distance_square
+        level_partial = up / (level * distance_square)
+        elevation_x = up_partial * ux - level_partial * level_x
+        elevation_y = up_partial * uy - level_partial * level_y
+        elevation_z = up_partial * uz - level_partial * level_z
         _set_position_row(H[row], elevation_x, elevation_y, elevation_z)
         # sine and cosine of the predicted elevation less that of the reference, times the distance
-        c, s = known[COSINE], known[SINE]
-        z[row] = observed[k] - known[ELEVATION] - angle_of(up * c - level * s, level * c + up * s)
+        c, s = parameters[COSINE], parameters[SINE]
+        z[row] = measurement[k] - parameters[ELEVATION] - arctangent(up * c - level * s, level * c + up * s)
 
 
 SENSORS = (

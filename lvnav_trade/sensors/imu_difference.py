@@ -39,7 +39,7 @@ class ImuDifferenceCard(SensorCard):
     labels: ClassVar[tuple[str, ...]] = ("x", "y", "z")
     jacobian: ClassVar[tuple[str, ...]] = ()
     noise_fields: ClassVar[tuple[str, ...]] = ()
-    at_once: ClassVar[bool] = True
+    has_no_latency: ClassVar[bool] = True
 
     name: str = "difference of two units"
     source: str = ""
@@ -48,7 +48,7 @@ class ImuDifferenceCard(SensorCard):
     )
 
     @model_validator(mode="after")
-    def _two(self) -> Self:
+    def _check_units(self) -> Self:
         if self.units[0] == self.units[1]:
             raise ValueError("units: a unit does not differ from itself")
         return self
@@ -81,23 +81,23 @@ class VelocityDifferenceCard(ImuDifferenceCard):
 
 
 @jit
-def fill(H, z, at, observed):
+def fill(H, z, first_row, measurement):
     """Set the Jacobian rows of a difference of two IMUs, which are zero for the navigation state, and its innovations.
 
     Parameters
     ----------
     H : (n, n_entry)
-        Jacobian rows of the epoch; three from `at` on are set.
+        Jacobian rows of the epoch; three from `first_row` on are set.
     z : (n,)
-        Innovations; three from `at` on are set (rad or m/s, body axes).
-    at : int
+        Innovations; three from `first_row` on are set (rad or m/s, body axes).
+    first_row : int
         Index of the first scalar measurement.
-    observed : (4,)
+    measurement : (4,)
         Summed difference of the increments (rad or m/s, body axes) in the first three entries.
     """
     for axis in range(3):
-        clear(H[at + axis])
-        z[at + axis] = observed[axis]
+        clear(H[first_row + axis])
+        z[first_row + axis] = measurement[axis]
 
 
 _EVIDENCE = Evidence(

@@ -6,7 +6,7 @@ it needs.
 """
 
 from lvnav_trade.kernels.jit import jit
-from lvnav_trade.kernels.lanes import like, sqrt
+from lvnav_trade.kernels.lanes import number_like, sqrt
 
 _HALVINGS = 3
 # Indices of the entries; H_RATE: error of the body rate, through the rotation of the antenna about the IMU.
@@ -36,13 +36,13 @@ def add(out, truth, e0, e1, e2):
 @jit
 def clear(h):
     """Set the entries of a Jacobian row (N_ENTRY,) to zero; entries of extra states do not change."""
-    zero = like(h[0], 0.0)
+    zero = number_like(h[0], 0.0)
     for i in range(N_ENTRY):
         h[i] = zero
 
 
 @jit
-def turned(c, s, error):
+def add_angle_error(c, s, error):
     """Return cosine and sine of an angle plus an error.
 
     The series is exact to 1e-10 for errors below 0.1 rad.
@@ -64,7 +64,7 @@ def turned(c, s, error):
 
 
 @jit
-def angle_of(opposite, adjacent):
+def arctangent(opposite, adjacent):
     """Return the angle of a right triangle in rad, -pi/2 to pi/2, to 1e-8 rad for tangents below 10.
 
     The compiled lanes have no arctangent: halve the angle, then use the series.

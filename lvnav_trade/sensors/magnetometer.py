@@ -54,9 +54,9 @@ class MagnetometerModel(SensorModel):
         geomagnetism.DEGREE, description="degree of the field model that the filter uses"
     )
 
-    def known(self, flight: FlightView) -> Floats:
+    def filter_parameters(self, flight: FlightView) -> Floats:
         """Return the map along the flight (n_epoch, 15), frame i: field (T), gradient (T/m), position (m)."""
-        year = geomagnetism.year_of(flight.epoch)
+        year = geomagnetism.decimal_year(flight.epoch)
         r_e = ecef_from_eci(flight.r_i, flight.theta)
         field_e = geomagnetism.field(r_e, year, self.degree)
         gradient_e = geomagnetism.gradient(r_e, year, self.degree)
@@ -86,7 +86,7 @@ class MagnetometerCard(SensorCard):
         0.0, description="one-sigma of each entry of the distortion matrix: scale, coupling, misalignment"
     )
 
-    def matched(self) -> SensorModel:
+    def matched_model(self) -> SensorModel:
         """Return the filter model with all numbers of this card and the full degree of the field."""
         numbers = {name: getattr(self, name) for name in self.model.model_fields if name != "degree"}
         return self.model.model_construct(**numbers)
@@ -94,11 +94,11 @@ class MagnetometerCard(SensorCard):
     def truth(self, flight: FlightView) -> Floats:
         """Return the field (n_epoch, 3) in T, body axes."""
         r_e = ecef_from_eci(flight.r_i, flight.theta)
-        field_e = geomagnetism.field(r_e, geomagnetism.year_of(flight.epoch))
+        field_e = geomagnetism.field(r_e, geomagnetism.decimal_year(flight.epoch))
         field = eci_from_ecef(field_e, flight.theta)
         return np.asarray(np.einsum("nij,ni->nj", matrices(flight.q_b_i), field))
 
-    def lasting(self) -> tuple[CorrelatedError, ...]:
+    def correlated_errors(self) -> tuple[CorrelatedError, ...]:
         """Return hard iron by axis, and soft iron by matrix entry, proportional to the field of the entry's axis."""
         hard_iron = CorrelatedError(
             "hard iron",
@@ -122,9 +122,9 @@ class MagnetometerCard(SensorCard):
 
     def refusal(self, epoch: str) -> str:
         """Return why it cannot be simulated: IGRF-14 does not cover every year."""
-        first, last = geomagnetism.covered()
-        covered = first <= geomagnetism.year_of(epoch) <= last
-        return "" if covered else f"a flight of {epoch} has no field: IGRF-14 covers {first:.0f} to {last:.0f}"
+        first, last = geomagnetism.model_years()
+        is_covered = first <= geomagnetism.decimal_year(epoch) <= last
+        return "" if is_covered else f"a flight of {epoch} has no field: IGRF-14 covers {first:.0f} to {last:.0f}"
 
     def _soft_iron_partials(self, flight: FlightView) -> Floats:
         """Return the derivative (n_epoch, 3, 9) of the scalars with respect to the entries of the matrix."""
@@ -136,47 +136,47 @@ class MagnetometerCard(SensorCard):
 
 
 @jit
-def fill(H, z, at, observed, nav, known):
+def fill(H, z, first_row, measurement, nav, parameters):
     """Set the Jacobian rows of a magnetic field and its innovations.
 
     Parameters
     ----------
     H : (n, n_entry)
-        Jacobian rows of the epoch; three from `at` on are set.
+        Jacobian rows of the epoch; three from `first_row` on are set.
     z : (n,)
-        Innovations; three from `at` on are set (T, body axes).
-    at : int
+        Innovations; three from `first_row` on are set (T, body axes).
+    first_row : int
         Index of the first scalar measurement.
-    observed : (4,)
+    measurement : (4,)
         Measured field (T, body axes) in the first three entries.
     nav : (10,)
         Navigation state, frame i.
-    known : (15,)
+    parameters : (15,)
         Map at the epoch, frame i: field (T), gradient (T/m, by rows), position (m).
     """
     # field at the estimated position, to first order about the position of the map
-    x = nav[R] - known[PLACE]
-    y = nav[R + 1] - known[PLACE + 1]
-    w = nav[R + 2] - known[PLACE + 2]
+    x = nav[R] - parameters[PLACE]
+    y = nav[R + 1] - parameters[PLACE + 1]
+    w = nav[R + 2] - parameters[PLACE + 2]
     g = GRADIENT
-    field_x = known[FIELD] + known[g] * x + known[g + 1] * y + known[g + 2] * w
-    field_y = known[FIELD + 1] + known[g + 3] * x + known[g + 4] * y + known[g + 5] * w
-    field_z = known[FIELD + 2] + known[g + 6] * x + known[g + 7] * y + known[g + 8] * w
+    field_x = parameters[FIELD] + parameters[g] * x + parameters[g + 1] * y + parameters[g + 2] * w
+    field_y = parameters[FIELD + 1] + parameters[g + 3] * x + parameters[g + 4] * y + parameters[g + 5] * w
+    field_z = parameters[FIELD + 2] + parameters[g + 6] * x + parameters[g + 7] * y + parameters[g + 8] * w
     c = matrix(nav[Q], nav[Q + 1], nav[Q + 2], nav[Q + 3])
     for axis in range(3):
         # body axis in frame i, a column of C_b_i
         cx = c[axis]
         cy = c[3 + axis]
         cz = c[6 + axis]
-        predicted = cx * field_x + cy * field_y + cz * field_z
-        z[at + axis] = observed[axis] - predicted
-        h = H[at + axis]
+        predicted_field = cx * field_x + cy * field_y + cz * field_z
+        z[first_row + axis] = measurement[axis] - predicted_field
+        h = H[first_row + axis]
         clear(h)
         h[H_ATT], h[H_ATT + 1], h[H_ATT + 2] = cross(cx, cy, cz, field_x, field_y, field_z)
         for i in range(3):
-            gradient_x = known[g + i]
-            gradient_y = known[g + 3 + i]
-            gradient_z = known[g + 6 + i]
+            gradient_x = parameters[g + i]
+            gradient_y = parameters[g + 3 + i]
+            gradient_z = parameters[g + 6 + i]
             h[H_POS + i] = cx * gradient_x + cy * gradient_y + cz * gradient_z
 
 

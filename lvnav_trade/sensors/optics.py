@@ -50,9 +50,9 @@ def sun_direction(epoch: str, t: Floats, theta: Floats) -> Floats:
     sidereal_time = gmst(epoch) + OMEGA * t
     # right ascension minus sidereal time is the angle from Greenwich, whose meridian is at theta in frame i
     angle = right_ascension - sidereal_time + theta
-    across = np.cos(declination)
-    x = across * np.cos(angle)
-    y = across * np.sin(angle)
+    equatorial_component = np.cos(declination)
+    x = equatorial_component * np.cos(angle)
+    y = equatorial_component * np.sin(angle)
     z = np.sin(declination)
     return np.stack([x, y, z], axis=-1)
 
@@ -60,7 +60,7 @@ def sun_direction(epoch: str, t: Floats, theta: Floats) -> Floats:
 Direction = tuple[float, float, float]
 
 
-def axes_of(boresight: Direction) -> Floats:
+def boresight_quaternion(boresight: Direction) -> Floats:
     """Return the quaternion (4,) from sensor axes to body axes: z along the boresight, x and y across it."""
     z = unit(np.array(boresight))
     farthest_axis = np.eye(3)[np.argmin(np.abs(z))]
@@ -70,7 +70,7 @@ def axes_of(boresight: Direction) -> Floats:
     return np.asarray(quaternions(axes[None])[0])
 
 
-def no_direction(boresight: Direction) -> Iterator[str]:
+def boresight_faults(boresight: Direction) -> Iterator[str]:
     """Yield the input error of a boresight (3,), body axes, of zero or infinite length."""
     if not 0.0 < math.hypot(*boresight) < math.inf:
         yield f"boresight {boresight} has no direction"

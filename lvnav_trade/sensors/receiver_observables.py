@@ -26,7 +26,7 @@ LABELS = {
     "delta_pseudorange": "range difference",
 }
 # Extra states for the error of a single observable.
-OF_ONE = {"ambiguity": "carrier_phase", "phase_noise": "tdcp", "code_noise": "delta_pseudorange"}
+OBSERVABLE_STATES = {"ambiguity": "carrier_phase", "phase_noise": "tdcp", "code_noise": "delta_pseudorange"}
 LEVER_AXES = ("lever_x", "lever_y", "lever_z")
 RANGE_ONLY = ("range_bias", "time_offset")
 RATE_ONLY = ("range_rate_offset",)
@@ -38,7 +38,7 @@ SATELLITE_KINDS = (
     "ionosphere_scale",
     *BY_SATELLITE,
     *LEVER_AXES,
-    *OF_ONE,
+    *OBSERVABLE_STATES,
 )
 SOLUTION_KINDS = ("position_bias", "velocity_bias", "timing", "troposphere_scale", "ionosphere_scale")
 
@@ -66,13 +66,13 @@ class SensorChannels(NamedTuple):
     """Channels of a sensor other than the receiver.
 
     name : Name of the sensor in the scenario.
-    measures : Name of its measurement.
+    measurement : Name of its measurement.
     labels : Label of each scalar.
     states : Extra states that a filter may have for its lasting errors.
     """
 
     name: str
-    measures: str
+    measurement: str
     labels: tuple[str, ...]
     states: tuple[SensorState, ...] = ()
 
@@ -83,7 +83,7 @@ class Channels(NamedTuple):
     tight : Whether the filter measures satellites (tight coupling).
     satellites : (n_sat,). Names of the satellites.
     systems : (n_sat,). Letters of their systems.
-    seen : (n_sat,). Whether the satellite is ever tracked.
+    is_tracked : (n_sat,). Whether the satellite is ever tracked.
     receiver : Whether the filter uses the receiver.
     sensors : Other sensors, in the order of their channels.
     further : Observables of each satellite in addition to pseudorange and range rate.
@@ -92,7 +92,7 @@ class Channels(NamedTuple):
     tight: bool
     satellites: tuple[str, ...]
     systems: tuple[str, ...]
-    seen: tuple[bool, ...]
+    is_tracked: tuple[bool, ...]
     receiver: bool = True
     sensors: tuple[SensorChannels, ...] = ()
     further: tuple[str, ...] = ()
@@ -102,7 +102,7 @@ class Channels(NamedTuple):
         """Observables of a satellite, in the order of its channels."""
         return ("pseudorange", "range_rate", *self.further)
 
-    def of(self, observable: str) -> slice:
+    def observable_slice(self, observable: str) -> slice:
         """Return the channels of an observable of all satellites."""
         return slice(self.observables.index(observable), self.n_receiver, len(self.observables))
 
@@ -117,7 +117,7 @@ class Channels(NamedTuple):
         return len(self.observables) * len(self.satellites) if self.tight else 6
 
     @property
-    def first(self) -> tuple[int, ...]:
+    def first_channels(self) -> tuple[int, ...]:
         """First channel of each sensor."""
         channels = []
         channel = self.n_receiver
@@ -144,7 +144,7 @@ class MeasurementGeometry(NamedTuple):
     rate : (n_epoch, n_sat) m/s. Range rate.
     acceleration : (n_epoch, n_sat) m/s^2. Second derivative of the range.
     velocity : (n_epoch, 3) m/s. Velocity of the antenna.
-    push : (n_epoch, 3) m/s^2. Acceleration of the antenna.
+    antenna_acceleration : (n_epoch, 3) m/s^2. Acceleration of the antenna, without that by the lever arm.
     troposphere : (n_epoch, n_sat, 2) m, m/s. Tropospheric delay and its rate.
     ionosphere : (n_epoch, n_sat, 2) m, m/s. Ionospheric delay and its rate.
     solution_troposphere : (n_epoch, 6) m, m/s. Error that the tropospheric delay causes in a least-squares solution.
@@ -155,7 +155,7 @@ class MeasurementGeometry(NamedTuple):
     rate: Floats
     acceleration: Floats
     velocity: Floats
-    push: Floats
+    antenna_acceleration: Floats
     troposphere: Floats
     ionosphere: Floats
     solution_troposphere: Floats
@@ -163,13 +163,13 @@ class MeasurementGeometry(NamedTuple):
     lever: Floats
 
 
-def members(kind: str, channels: Channels) -> tuple[tuple[str, ...], Ints]:
+def members(error_type: str, channels: Channels) -> tuple[tuple[str, ...], Ints]:
     """Return the components of a kind of error, and the component in each channel.
 
     Parameters
     ----------
-    kind : str
-        Kind of the error, a key of `layout.EXTRAS` or a lever-arm axis.
+    error_type : str
+        Kind of the error, a key of `state_layout.EXTRAS` or a lever-arm axis.
     channels : Channels
 
     Returns
@@ -182,50 +182,50 @@ def members(kind: str, channels: Channels) -> tuple[tuple[str, ...], Ints]:
     member : (n_channel,)
         Component in each channel, -1 none.
     """
-    if kind in RELATIVE.values():
-        return _relative_members(kind, channels)
+    if error_type in RELATIVE.values():
+        return _relative_members(error_type, channels)
     if not channels.tight:
-        return _solution_members(kind, channels)
+        return _solution_members(error_type, channels)
     member = np.full(channels.n_channel, -1, dtype=np.int64)
-    if kind not in SATELLITE_KINDS:
+    if error_type not in SATELLITE_KINDS:
         return (), member
-    if kind in OF_ONE and OF_ONE[kind] not in channels.further:
+    if error_type in OBSERVABLE_STATES and OBSERVABLE_STATES[error_type] not in channels.further:
         return (), member
-    labels, owner = _satellite_members(kind, channels)
+    labels, owner = _satellite_members(error_type, channels)
     for observable in channels.observables:
-        if _is_in(kind, observable):
-            member[channels.of(observable)] = owner
+        if _affects_observable(error_type, observable):
+            member[channels.observable_slice(observable)] = owner
     return labels, member
 
 
-def _relative_members(kind: str, channels: Channels) -> tuple[tuple[str, ...], Ints]:
+def _relative_members(error_type: str, channels: Channels) -> tuple[tuple[str, ...], Ints]:
     """Return labels and members, see `members`, of a relative bias of two IMUs."""
     member = np.full(channels.n_channel, -1, dtype=np.int64)
-    for first, sensor in zip(channels.first, channels.sensors, strict=True):
-        if RELATIVE.get(sensor.measures) == kind:
+    for first, sensor in zip(channels.first_channels, channels.sensors, strict=True):
+        if RELATIVE.get(sensor.measurement) == error_type:
             member[first : first + 3] = range(3)
     labels = ("x", "y", "z") if np.any(member >= 0) else ()
     return labels, member
 
 
-def _solution_members(kind: str, channels: Channels) -> tuple[tuple[str, ...], Ints]:
+def _solution_members(error_type: str, channels: Channels) -> tuple[tuple[str, ...], Ints]:
     """Return labels and members, see `members`, of an error of the receiver's solution."""
     member = np.full(channels.n_channel, -1, dtype=np.int64)
-    if kind not in SOLUTION_KINDS:
+    if error_type not in SOLUTION_KINDS:
         return (), member
     axes = {"position_bias": [0, 1, 2, -1, -1, -1], "velocity_bias": [-1, -1, -1, 0, 1, 2]}
-    member[: channels.n_receiver] = axes.get(kind, 0)
-    labels = ("x", "y", "z") if kind in axes else ("",)
+    member[: channels.n_receiver] = axes.get(error_type, 0)
+    labels = ("x", "y", "z") if error_type in axes else ("",)
     return labels, member
 
 
-def _satellite_members(kind: str, channels: Channels) -> tuple[tuple[str, ...], list[int]]:
+def _satellite_members(error_type: str, channels: Channels) -> tuple[tuple[str, ...], list[int]]:
     """Return the labels of an error of the satellites, and the component of each satellite, -1 none."""
-    if kind == "range_bias" or kind in OF_ONE or kind in BY_SATELLITE:
+    if error_type == "range_bias" or error_type in OBSERVABLE_STATES or error_type in BY_SATELLITE:
         owners = channels.satellites
-        satellites = zip(owners, channels.seen, strict=True)
+        satellites = zip(owners, channels.is_tracked, strict=True)
         labels = tuple(name for name, is_tracked in satellites if is_tracked)
-    elif kind == "time_offset":
+    elif error_type == "time_offset":
         owners = channels.systems
         reference = "G" if "G" in owners else owners[0]
         labels = tuple(system for system in dict.fromkeys(owners) if system != reference)
@@ -240,7 +240,7 @@ def sensor_states(name: str, channels: Channels) -> Iterator[tuple[SensorState, 
 
     Each comes with its component in each channel, (n_channel,) with -1 for none, and its partials (n_epoch, n_channel).
     """
-    for first, sensor in zip(channels.first, channels.sensors, strict=True):
+    for first, sensor in zip(channels.first_channels, channels.sensors, strict=True):
         columns = slice(first, first + len(sensor.labels))
         for state in sensor.states:
             if state.name == name:
@@ -251,20 +251,20 @@ def sensor_states(name: str, channels: Channels) -> Iterator[tuple[SensorState, 
                 yield state, member, partials
 
 
-def _is_in(kind: str, observable: str) -> bool:
+def _affects_observable(error_type: str, observable: str) -> bool:
     """Return whether an error of a kind affects an observable of the satellites."""
-    if kind in OF_ONE:
-        return OF_ONE[kind] == observable
+    if error_type in OBSERVABLE_STATES:
+        return OBSERVABLE_STATES[error_type] == observable
     is_rate = observable == "range_rate"
-    return is_rate if kind in RATE_ONLY else not (is_rate and kind in RANGE_ONLY)
+    return is_rate if error_type in RATE_ONLY else not (is_rate and error_type in RANGE_ONLY)
 
 
-def partial(kind: str, geometry: MeasurementGeometry, channels: Channels) -> Floats:
+def partial(error_type: str, geometry: MeasurementGeometry, channels: Channels) -> Floats:
     """Return the derivative (n_epoch, n_channel) of the measurements with respect to an error of a kind.
 
     Parameters
     ----------
-    kind : str
+    error_type : str
         Kind of the error, as in `members`.
     geometry : MeasurementGeometry
     channels : Channels
@@ -278,45 +278,45 @@ def partial(kind: str, geometry: MeasurementGeometry, channels: Channels) -> Flo
     derivative = np.zeros((len(geometry.rate), channels.n_channel))
     if channels.tight:
         for observable in channels.observables:
-            derivative[:, channels.of(observable)] = _range_partial(kind, geometry, observable)
+            derivative[:, channels.observable_slice(observable)] = _range_partial(error_type, geometry, observable)
     else:
-        position, velocity = _solution_partials(kind, geometry)
+        position, velocity = _solution_partials(error_type, geometry)
         derivative[:, :3] = position
         derivative[:, 3 : channels.n_receiver] = velocity
     return derivative
 
 
-def _solution_partials(kind: str, geometry: MeasurementGeometry) -> tuple[Any, Any]:
+def _solution_partials(error_type: str, geometry: MeasurementGeometry) -> tuple[Any, Any]:
     """Return the derivatives (n_epoch, 3), or single numbers, of position and velocity of a solution, see `partial`."""
-    kind = BY_SATELLITE.get(kind, kind)
-    if kind == "timing":
-        return -geometry.velocity, -geometry.push
-    if kind == "troposphere_scale":
+    error_type = BY_SATELLITE.get(error_type, error_type)
+    if error_type == "timing":
+        return -geometry.velocity, -geometry.antenna_acceleration
+    if error_type == "troposphere_scale":
         return geometry.solution_troposphere[:, :3], geometry.solution_troposphere[:, 3:]
-    if kind == "ionosphere_scale":
+    if error_type == "ionosphere_scale":
         return geometry.solution_ionosphere[:, :3], geometry.solution_ionosphere[:, 3:]
-    if kind in ("position_bias", "velocity_bias"):
+    if error_type in ("position_bias", "velocity_bias"):
         return 1.0, 1.0
     return 0.0, 0.0
 
 
-def _range_partial(kind: str, geometry: MeasurementGeometry, observable: str) -> Any:
+def _range_partial(error_type: str, geometry: MeasurementGeometry, observable: str) -> Any:
     """Return the derivative (n_epoch, n_sat), or a single number, of an observable of the satellites, see `partial`.
 
     For a difference of two epochs it is the derivative with respect to the error at the later epoch.
     """
-    if kind in (*RANGE_ONLY, *RATE_ONLY, *OF_ONE):
-        return float(_is_in(kind, observable))
+    if error_type in (*RANGE_ONLY, *RATE_ONLY, *OBSERVABLE_STATES):
+        return float(_affects_observable(error_type, observable))
     order = int(observable == "range_rate")
-    kind = BY_SATELLITE.get(kind, kind)
-    if kind == "timing":
+    error_type = BY_SATELLITE.get(error_type, error_type)
+    if error_type == "timing":
         return (-geometry.rate, -geometry.acceleration)[order]
-    if kind == "troposphere_scale":
+    if error_type == "troposphere_scale":
         return geometry.troposphere[..., order]
-    if kind == "ionosphere_scale":
+    if error_type == "ionosphere_scale":
         # the ionosphere delays the code and advances the carrier
         sign = -1.0 if observable in PHASES else 1.0
         return sign * geometry.ionosphere[..., order]
-    if kind in LEVER_AXES:
-        return geometry.lever[:, :, order, LEVER_AXES.index(kind)]
+    if error_type in LEVER_AXES:
+        return geometry.lever[:, :, order, LEVER_AXES.index(error_type)]
     return 0.0

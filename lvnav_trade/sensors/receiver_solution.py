@@ -5,19 +5,19 @@ from lvnav_trade.sensors.jacobian_row import H_ATT, H_CLOCK, H_POS, H_RATE, H_VE
 
 
 @jit
-def row(h, at, scalar):
+def row(h, antenna_state, scalar):
     """Set the Jacobian row of a scalar of the solution and return its prediction (m or m/s) at the antenna.
 
     Parameters
     ----------
     h : (13,)
         Jacobian row, set here.
-    at : (21,)
+    antenna_state : (21,)
         Antenna state, as `line_of_sight.antenna` sets it.
     scalar : int
         Index of the scalar, 0 to 5.
     """
-    zero = 0.0 * at[0]
+    zero = 0.0 * antenna_state[0]
     axis = scalar % 3
     second = (axis + 1) % 3
     third = (axis + 2) % 3
@@ -25,15 +25,15 @@ def row(h, at, scalar):
     for i in range(3):
         h[H_POS + i] = zero
         h[H_VEL + i] = zero
-        h[H_RATE + i] = at[12 + 3 * axis + i] if is_velocity else zero
+        h[H_RATE + i] = antenna_state[12 + 3 * axis + i] if is_velocity else zero
     h[(H_VEL if is_velocity else H_POS) + axis] = zero + 1.0
     # a small rotation phi moves the antenna by phi x l, and changes its velocity by phi x (w x l)
     arm = 9 if is_velocity else 6
     h[H_ATT + axis] = zero
-    h[H_ATT + second] = at[arm + third]
-    h[H_ATT + third] = -at[arm + second]
+    h[H_ATT + second] = antenna_state[arm + third]
+    h[H_ATT + third] = -antenna_state[arm + second]
     h[H_CLOCK] = zero
-    return at[scalar]
+    return antenna_state[scalar]
 
 
 @jit

@@ -22,18 +22,20 @@ class CorrelatedError(NamedTuple):
     epoch.
 
     source : Physical cause.
-    kind : Kind of the error, as in `partials`; source, kind and label together address the random draws.
+    error_type : Kind of the error, as in `receiver_observables.members`; source, error type and label together address
+        the random draws.
     sigma : SI. Standard deviation.
     field : Field of the sensor's card for sigma, and of the filter model for the assumed sigma.
     time_constant : s. Infinite for a constant, 0 for an error that is new at every epoch.
     labels : Label of each error: a satellite, a system, an axis; empty for a single error.
     partial : Function of the flight that returns the derivative (n_epoch, n_scalar, n_label) of a sensor's scalars by
-        the errors; None: a single error, added to all scalars. Measurements of satellites use `partials.partial`.
+        the errors; None: a single error, added to all scalars. Measurements of satellites use
+        `receiver_observables.partial`.
     state : Extra state of the filter that models it; empty: none.
     """
 
     source: str
-    kind: str
+    error_type: str
     sigma: float
     field: str
     time_constant: float
@@ -75,8 +77,8 @@ class Evidence(NamedTuple):
 
 N_TRUTH = 4
 """Number of entries of a sensor's true values at an epoch."""
-N_KNOWN = 16
-"""Number of entries of the filter's known parameters of a sensor at an epoch."""
+N_FILTER_PARAMETER = 16
+"""Number of entries of the filter parameters of a sensor at an epoch."""
 
 
 class FlightView(NamedTuple):
@@ -92,7 +94,7 @@ class FlightView(NamedTuple):
     epoch : UTC of lift-off, ISO 8601.
     r_rest : (n, 3) m. Position without the oscillations, frame i.
     q_rest : (n, 4). Attitude without the oscillations.
-    standing : (n,). Whether the vehicle is still at rest on the Earth.
+    is_at_rest : (n,). Whether the vehicle is still at rest on the Earth.
     """
 
     t: Floats
@@ -105,16 +107,16 @@ class FlightView(NamedTuple):
     epoch: str
     r_rest: Floats = np.empty((0, 3))
     q_rest: Floats = np.empty((0, 4))
-    standing: Bools = np.empty(0, dtype=np.bool_)
+    is_at_rest: Bools = np.empty(0, dtype=np.bool_)
 
 
-def each_scalar(n_scalar: int, *own: int) -> Callable[[FlightView], Floats]:
+def each_scalar(n_scalar: int, *scalars: int) -> Callable[[FlightView], Floats]:
     """Return a function for the partials (1, n_scalar, n) of n errors that each affect a single scalar.
 
-    own : Indices of these scalars; without any, all scalars.
+    scalars : Indices of these scalars; without any, all scalars.
     """
-    picked = np.eye(n_scalar)[:, list(own) if own else slice(None)]
-    return lambda _: picked[None]
+    selection_matrix = np.eye(n_scalar)[:, list(scalars) if scalars else slice(None)]
+    return lambda _: selection_matrix[None]
 
 
 class StateUnit(NamedTuple):
@@ -154,9 +156,10 @@ class SensorModel(Card):
         """Return the assumed noise variance (n_epoch, n_scalar), SI; a dimension of 1 means that it is constant."""
         return np.array([[getattr(self, self.noise_field) ** 2]])
 
-    def known(self, flight: FlightView) -> Floats:
-        """Return the parameters of the sensor that the filter knows, (n_epoch, at most N_KNOWN), as its kernels use
-        them: a mounting, the position of a station, a map along the flight.
+    def filter_parameters(self, flight: FlightView) -> Floats:
+        """Return the parameters of the sensor that the filter knows, (n_epoch, at most N_FILTER_PARAMETER).
+
+        Its kernels use them: a mounting, the position of a station, a map along the flight.
         """
         return np.zeros((flight.t.size, 0))
 
@@ -173,9 +176,9 @@ class SensorCard(Conditions, NamedCard):
     jacobian : Quantities that the Jacobian depends on: position, velocity, attitude.
     noise : Name of the noise as an error source.
     noise_fields : Fields with the standard deviations of the noise.
-    on_pad : Whether it measures on the pad only.
-    at_once : Whether the measurement is formed in the navigation computer and has no latency.
-    able : Phrase in messages for "it is available".
+    is_on_pad : Whether it measures on the pad only.
+    has_no_latency : Whether the measurement is formed in the navigation computer and has no latency.
+    availability_phrase : Phrase in messages for "it is available".
     """
 
     measurement: ClassVar[str]
@@ -185,15 +188,15 @@ class SensorCard(Conditions, NamedCard):
     jacobian: ClassVar[tuple[str, ...]]
     noise: ClassVar[str]
     noise_fields: ClassVar[tuple[str, ...]] = ("sigma",)
-    on_pad: ClassVar[bool] = False
-    at_once: ClassVar[bool] = False
-    able: ClassVar[str] = "it can measure"
+    is_on_pad: ClassVar[bool] = False
+    has_no_latency: ClassVar[bool] = False
+    availability_phrase: ClassVar[str] = "it can measure"
 
     rate: Frequency | None = Field(None, description="rate of the measurements; none: at every update of the filter")
     latency: Pause = Field(0.0, description="time between the validity of a measurement and its arrival at the filter")
     resources: Resources | None = Field(None, description="cost, mass, power, volume, reliability")
 
-    def matched(self) -> SensorModel:
+    def matched_model(self) -> SensorModel:
         """Return the filter model with all numbers of this card."""
         return self.model.model_construct(**{name: getattr(self, name) for name in self.model.model_fields})
 
@@ -216,20 +219,20 @@ class SensorCard(Conditions, NamedCard):
         """Return the noise variance that a filter with this model assumes, as `SensorModel.variance`."""
         return model.variance(flight)
 
-    def known(self, model: SensorModel, flight: FlightView) -> Floats:
-        """Return the parameters that a filter with this model knows, (n_epoch, at most N_KNOWN)."""
-        return model.known(flight)
+    def filter_parameters(self, model: SensorModel, flight: FlightView) -> Floats:
+        """Return the parameters that a filter with this model knows, (n_epoch, at most N_FILTER_PARAMETER)."""
+        return model.filter_parameters(flight)
 
-    def available(self, flight: FlightView) -> Bools:
+    def is_available(self, flight: FlightView) -> Bools:
         """Return whether it can measure at the epochs, (n_epoch,) bool, apart from its rate and its conditions."""
         return np.ones(flight.t.size, dtype=np.bool_)
 
     @property
-    def limiting(self) -> str:
+    def limiting_field(self) -> str:
         """Field to change if the sensor never measures; empty if there is none."""
-        return self.stated[0] if self.stated else ""
+        return self.condition_keys[0] if self.condition_keys else ""
 
-    def lasting(self) -> tuple[CorrelatedError, ...]:
+    def correlated_errors(self) -> tuple[CorrelatedError, ...]:
         """Return its errors that are correlated over time or between scalars."""
         return ()
 

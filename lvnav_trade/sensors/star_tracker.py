@@ -18,7 +18,14 @@ from lvnav_trade.quantities.frames import matrices
 from lvnav_trade.quantities.records import Bools, Floats
 from lvnav_trade.quantities.units import Angle, AngleSigma, AngularRateSigma, TimeConstant
 from lvnav_trade.sensors.jacobian_row import H_ATT, clear
-from lvnav_trade.sensors.optics import Direction, angle, axes_of, earth_disc, no_direction, sun_direction
+from lvnav_trade.sensors.optics import (
+    Direction,
+    angle,
+    boresight_faults,
+    boresight_quaternion,
+    earth_disc,
+    sun_direction,
+)
 from lvnav_trade.sensors.sensor import (
     Check,
     CorrelatedError,
@@ -51,15 +58,15 @@ class StarTrackerModel(SensorModel):
     low_frequency_time: TimeConstant | None = None
 
     def _faults(self) -> Iterator[str]:
-        return no_direction(self.boresight)
+        return boresight_faults(self.boresight)
 
     def variance(self, flight: FlightView) -> Floats:
         """Return the variance (1, 3) in rad^2."""
         return np.square([[self.across, self.across, self.about]])
 
-    def known(self, flight: FlightView) -> Floats:
+    def filter_parameters(self, flight: FlightView) -> Floats:
         """Return the mounting (n_epoch, 4), a quaternion from sensor axes to body axes."""
-        return np.tile(axes_of(self.boresight), (flight.t.size, 1))
+        return np.tile(boresight_quaternion(self.boresight), (flight.t.size, 1))
 
 
 class StarTrackerCard(SensorCard):
@@ -72,7 +79,7 @@ class StarTrackerCard(SensorCard):
     jacobian: ClassVar[tuple[str, ...]] = ("attitude",)
     noise: ClassVar[str] = "star tracker noise"
     noise_fields: ClassVar[tuple[str, ...]] = ("across", "about")
-    able: ClassVar[str] = "Sun, Earth and body rate allow a solution"
+    availability_phrase: ClassVar[str] = "Sun, Earth and body rate allow a solution"
 
     kind: Literal["star_tracker"] = "star_tracker"
     boresight: Direction = Field((1.0, 0.0, 0.0), description="direction in body axes, of any length")
@@ -97,18 +104,18 @@ class StarTrackerCard(SensorCard):
 
     def _faults(self) -> Iterator[str]:
         yield from super()._faults()
-        yield from no_direction(self.boresight)
+        yield from boresight_faults(self.boresight)
 
     def truth(self, flight: FlightView) -> Floats:
         """Return the attitude of the tracker (n_epoch, 4), a quaternion from sensor axes to frame i."""
-        mounting = np.broadcast_to(axes_of(self.boresight), flight.q_b_i.shape)
+        mounting = np.broadcast_to(boresight_quaternion(self.boresight), flight.q_b_i.shape)
         return np.asarray(product(flight.q_b_i, mounting))
 
     def noise_sigma(self, flight: FlightView) -> Floats:
         """Return the one-sigma (1, 3) in rad."""
         return np.array([[self.across, self.across, self.about]])
 
-    def available(self, flight: FlightView) -> Bools:
+    def is_available(self, flight: FlightView) -> Bools:
         """Return whether Sun, limb and rate allow a solution, (n_epoch,)."""
         is_available = np.ones(flight.t.size, dtype=np.bool_)
         boresight = matrices(self.truth(flight))[:, :, 2]
@@ -123,7 +130,7 @@ class StarTrackerCard(SensorCard):
             is_available &= np.linalg.norm(flight.w_ib_b, axis=1) <= self.highest_rate
         return is_available
 
-    def lasting(self) -> tuple[CorrelatedError, ...]:
+    def correlated_errors(self) -> tuple[CorrelatedError, ...]:
         """Return misalignment and low-frequency error, independent on the three axes."""
         partials = each_scalar(len(self.labels))
         misalignment = CorrelatedError(
@@ -165,31 +172,33 @@ def measure(out, truth, e0, e1, e2):
 
 
 @jit
-def fill(H, z, at, observed, nav, known):
+def fill(H, z, first_row, measurement, nav, parameters):
     """Set the Jacobian rows of a stellar attitude and its innovation, the small rotation from estimate to measurement.
 
     Parameters
     ----------
     H : (n, n_entry)
-        Jacobian rows of the epoch; three from `at` on are set.
+        Jacobian rows of the epoch; three from `first_row` on are set.
     z : (n,)
-        Innovations; three from `at` on are set (rad, sensor axes).
-    at : int
+        Innovations; three from `first_row` on are set (rad, sensor axes).
+    first_row : int
         Index of the first scalar measurement.
-    observed : (4,)
+    measurement : (4,)
         Measured quaternion, sensor axes to frame i.
     nav : (10,)
         Navigation state, frame i.
-    known : (4,) or longer
+    parameters : (4,) or longer
         Mounting, a quaternion from sensor axes to body axes.
     """
     # estimated attitude of the tracker, and the rotation from it to the measured attitude
-    s0, s1, s2, s3 = multiply(nav[Q], nav[Q + 1], nav[Q + 2], nav[Q + 3], known[0], known[1], known[2], known[3])
-    d0, d1, d2, d3 = multiply(s0, -s1, -s2, -s3, observed[0], observed[1], observed[2], observed[3])
-    z[at], z[at + 1], z[at + 2] = rotation_vector(d0, d1, d2, d3)
+    s0, s1, s2, s3 = multiply(
+        nav[Q], nav[Q + 1], nav[Q + 2], nav[Q + 3], parameters[0], parameters[1], parameters[2], parameters[3]
+    )
+    d0, d1, d2, d3 = multiply(s0, -s1, -s2, -s3, measurement[0], measurement[1], measurement[2], measurement[3])
+    z[first_row], z[first_row + 1], z[first_row + 2] = rotation_vector(d0, d1, d2, d3)
     c = matrix(s0, s1, s2, s3)
     for scalar in range(3):
-        h = H[at + scalar]
+        h = H[first_row + scalar]
         clear(h)
         for axis in range(3):
             h[H_ATT + axis] = c[3 * axis + scalar]

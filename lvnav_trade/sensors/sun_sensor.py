@@ -21,8 +21,15 @@ from lvnav_trade.kernels.strapdown import Q
 from lvnav_trade.quantities.frames import matrices
 from lvnav_trade.quantities.records import Bools, Floats
 from lvnav_trade.quantities.units import Angle, AngleSigma, TimeConstant
-from lvnav_trade.sensors.jacobian_row import H_ATT, angle_of, clear, turned
-from lvnav_trade.sensors.optics import Direction, angle, axes_of, earth_disc, no_direction, sun_direction
+from lvnav_trade.sensors.jacobian_row import H_ATT, add_angle_error, arctangent, clear
+from lvnav_trade.sensors.optics import (
+    Direction,
+    angle,
+    boresight_faults,
+    boresight_quaternion,
+    earth_disc,
+    sun_direction,
+)
 from lvnav_trade.sensors.sensor import (
     Check,
     CorrelatedError,
@@ -36,7 +43,7 @@ from lvnav_trade.sensors.sensor import (
 )
 
 SEMIDIAMETER = math.radians(959.63 / 3600.0)  # of the Sun at a distance of 1 au (IAU)
-SUN = 4  # index of the Sun's direction in the known parameters, after the mounting
+SUN = 4  # index of the Sun's direction in the filter parameters, after the mounting
 
 
 class SunSensorModel(SensorModel):
@@ -50,11 +57,11 @@ class SunSensorModel(SensorModel):
     bias_time: TimeConstant | None = None
 
     def _faults(self) -> Iterator[str]:
-        return no_direction(self.boresight)
+        return boresight_faults(self.boresight)
 
-    def known(self, flight: FlightView) -> Floats:
+    def filter_parameters(self, flight: FlightView) -> Floats:
         """Return mounting and Sun (n_epoch, 7): quaternion from sensor axes to body axes; direction, frame i."""
-        mounting = np.tile(axes_of(self.boresight), (flight.t.size, 1))
+        mounting = np.tile(boresight_quaternion(self.boresight), (flight.t.size, 1))
         return np.hstack([mounting, sun_direction(flight.epoch, flight.t, flight.theta)])
 
 
@@ -67,7 +74,7 @@ class SunSensorCard(SensorCard):
     unit: ClassVar[str] = "rad"
     jacobian: ClassVar[tuple[str, ...]] = ("attitude",)
     noise: ClassVar[str] = "sun sensor noise"
-    able: ClassVar[str] = "the Sun is in its field of view"
+    availability_phrase: ClassVar[str] = "the Sun is in its field of view"
 
     kind: Literal["sun_sensor"] = "sun_sensor"
     boresight: Direction = Field((1.0, 0.0, 0.0), description="direction in body axes, of any length")
@@ -78,28 +85,28 @@ class SunSensorCard(SensorCard):
 
     def _faults(self) -> Iterator[str]:
         yield from super()._faults()
-        yield from no_direction(self.boresight)
+        yield from boresight_faults(self.boresight)
 
     def truth(self, flight: FlightView) -> Floats:
         """Return the angles of the Sun (n_epoch, 2) in rad."""
         x, y, z = self._sun(flight).T
         return np.stack([np.arctan2(x, z), np.arctan2(y, z)], axis=1)
 
-    def available(self, flight: FlightView) -> Bools:
+    def is_available(self, flight: FlightView) -> Bools:
         """Return whether the Sun is in the field of view and its whole disc above the limb, (n_epoch,)."""
         down, limb = earth_disc(flight)
         sun = sun_direction(flight.epoch, flight.t, flight.theta)
-        from_down = angle(down, sun)
-        is_above_limb = from_down >= limb + SEMIDIAMETER
+        nadir_angle = angle(down, sun)
+        is_above_limb = nadir_angle >= limb + SEMIDIAMETER
         is_in_view = self._sun(flight)[:, 2] >= math.cos(self.field_of_view)
         return np.asarray(is_above_limb & is_in_view)
 
     @property
-    def limiting(self) -> str:
+    def limiting_field(self) -> str:
         """Its field of view."""
         return "field_of_view"
 
-    def lasting(self) -> tuple[CorrelatedError, ...]:
+    def correlated_errors(self) -> tuple[CorrelatedError, ...]:
         """Return the independent biases of both angles."""
         time = self.bias_time or math.inf
         return (CorrelatedError("sun sensor bias", "sun bias", self.bias, "bias", time, self.labels, each_scalar(2)),)
@@ -107,7 +114,7 @@ class SunSensorCard(SensorCard):
     def _sun(self, flight: FlightView) -> Floats:
         """Return the direction of the Sun (n_epoch, 3), axes of the sensor."""
         C_b_i = matrices(flight.q_b_i)
-        mounting = matrices(axes_of(self.boresight)[None])
+        mounting = matrices(boresight_quaternion(self.boresight)[None])
         axes = C_b_i @ mounting
         sun_i = sun_direction(flight.epoch, flight.t, flight.theta)
         return np.asarray(np.einsum("nij,ni->nj", axes, sun_i))
@@ -128,34 +135,36 @@ def measure(out, truth, e0, e1):
     """
     alpha = truth[0]
     beta = truth[1]
-    out[0], out[1] = turned(math.cos(alpha), math.sin(alpha), e0)
-    out[2], out[3] = turned(math.cos(beta), math.sin(beta), e1)
+    out[0], out[1] = add_angle_error(math.cos(alpha), math.sin(alpha), e0)
+    out[2], out[3] = add_angle_error(math.cos(beta), math.sin(beta), e1)
 
 
 @jit
-def fill(H, z, at, observed, nav, known):
+def fill(H, z, first_row, measurement, nav, parameters):
     """Set the Jacobian rows of the two angles and their innovations.
 
     Parameters
     ----------
     H : (n, n_entry)
-        Jacobian rows of the epoch; two from `at` on are set.
+        Jacobian rows of the epoch; two from `first_row` on are set.
     z : (n,)
-        Innovations; two from `at` on are set (rad).
-    at : int
+        Innovations; two from `first_row` on are set (rad).
+    first_row : int
         Index of the first scalar measurement.
-    observed : (4,)
+    measurement : (4,)
         Cosine and sine of alpha, cosine and sine of beta.
     nav : (10,)
         Navigation state, frame i.
-    known : (7,) or longer
+    parameters : (7,) or longer
         Mounting, a quaternion from sensor axes to body axes; direction of the Sun, frame i.
     """
-    q0, q1, q2, q3 = multiply(nav[Q], nav[Q + 1], nav[Q + 2], nav[Q + 3], known[0], known[1], known[2], known[3])
+    q0, q1, q2, q3 = multiply(
+        nav[Q], nav[Q + 1], nav[Q + 2], nav[Q + 3], parameters[0], parameters[1], parameters[2], parameters[3]
+    )
     c = matrix(q0, q1, q2, q3)
-    sx = known[SUN]
-    sy = known[SUN + 1]
-    sz = known[SUN + 2]
+    sx = parameters[SUN]
+    sy = parameters[SUN + 1]
+    sz = parameters[SUN + 2]
     # boresight, and the component of the Sun's direction along it
     ax = c[2]
     ay = c[5]
@@ -168,19 +177,19 @@ def fill(H, z, at, observed, nav, known):
         ez = c[6 + scalar]
         side = ex * sx + ey * sy + ez * sz
         # innovation: measured angle minus atan(side / ahead)
-        cosine = observed[2 * scalar]
-        sine = observed[2 * scalar + 1]
+        cosine = measurement[2 * scalar]
+        sine = measurement[2 * scalar + 1]
         opposite = sine * ahead - cosine * side
         adjacent = cosine * ahead + sine * side
-        z[at + scalar] = angle_of(opposite, adjacent)
+        z[first_row + scalar] = arctangent(opposite, adjacent)
         # derivative of the angle by the Sun's direction
         scale = 1.0 / (side * side + ahead * ahead)
-        by_side = ahead * scale
-        by_ahead = side * scale
-        px = by_side * ex - by_ahead * ax
-        py = by_side * ey - by_ahead * ay
-        pz = by_side * ez - by_ahead * az
-        h = H[at + scalar]
+        side_partial = ahead * scale
+        ahead_partial = side * scale
+        px = side_partial * ex - ahead_partial * ax
+        py = side_partial * ey - ahead_partial * ay
+        pz = side_partial * ez - ahead_partial * az
+        h = H[first_row + scalar]
         clear(h)
         h[H_ATT], h[H_ATT + 1], h[H_ATT + 2] = cross(px, py, pz, sx, sy, sz)
 

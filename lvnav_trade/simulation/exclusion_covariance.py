@@ -1,7 +1,7 @@
 """Covariance of the filter after an IMU is excluded: additional noise and biases of the mean of the remaining IMUs."""
 
 from lvnav_trade.kernels.jit import jit
-from lvnav_trade.kernels.lanes import like, where
+from lvnav_trade.kernels.lanes import number_like, where
 from lvnav_trade.kernels.transition import ATT, CONSTANT, GYRO, VEL
 
 
@@ -26,19 +26,21 @@ def inform(P, work, units, model, seconds):
 def _inform(P, work, units, redundancy, model, seconds):
     """Inflate the covariance as `inform` does, and store the weights it is informed of (RedundancyWork, or None)."""
     if work is not None:
-        grow(P, work.solved, work.informed, work.reduced[0], units.n_axis, redundancy, model, seconds)
-        is_reduced = work.reduced[0] > 0.0
-        for k in range(work.solved.shape[0]):
+        grow(
+            P, work.axis_weights, work.filter_weights, work.reduction_flag[0], units.n_axis, redundancy, model, seconds
+        )
+        is_reduced = work.reduction_flag[0] > 0.0
+        for k in range(work.axis_weights.shape[0]):
             for sensor in range(2):
                 for i in range(3):
                     for c in range(3):
-                        last = work.informed[k, sensor, i, c]
-                        present = work.solved[k, sensor, i, c]
-                        work.informed[k, sensor, i, c] = where(is_reduced, present, last)
+                        last = work.filter_weights[k, sensor, i, c]
+                        present = work.axis_weights[k, sensor, i, c]
+                        work.filter_weights[k, sensor, i, c] = where(is_reduced, present, last)
 
 
 @jit
-def grow(P, solved, before, wanted, n_axis, redundancy, model, seconds):
+def grow(P, weights, initial_weights, reduction_flag, n_axis, redundancy, model, seconds):
     """Inflate a covariance over a window for the additional errors of the mean of some IMUs.
 
     White noise and random walk of the biases exceed those of the mean of all IMUs. When the weights change, the
@@ -47,39 +49,39 @@ def grow(P, solved, before, wanted, n_axis, redundancy, model, seconds):
     Parameters
     ----------
     P : (n, n) covariance, updated in place
-    solved, before : (n_triad, 2, 3, 3) weights of the axes in the mean now, and at the start of the window
-    wanted : 1 in the runs with excluded IMUs
+    weights, initial_weights : (n_triad, 2, 3, 3) weights of the axes in the mean now, and at the start of the window
+    reduction_flag : 1 in the runs with excluded IMUs
     n_axis, redundancy, model : number of axes of each triad, ImuRedundancy, FilterModel
     seconds : s, length of the window
     """
     for sensor in range(2):
         first = ATT if sensor == GYRO else VEL
-        total = like(P[0, 0], 0.0)
+        total = number_like(P[0, 0], 0.0)
         for k in range(n_axis.shape[0]):
             for c in range(n_axis[k]):
                 noise = redundancy.noise[sensor, k, c]
                 for i in range(3):
-                    now = solved[k, sensor, i, c]
+                    weight = weights[k, sensor, i, c]
                     all_units = redundancy.mean[0, k, sensor, i, c]
-                    excess = now * now - all_units * all_units
+                    excess = weight * weight - all_units * all_units
                     total = total + excess * noise
-        is_increase = (wanted > 0.0) & (total > 0.0)
+        is_increase = (reduction_flag > 0.0) & (total > 0.0)
         total = where(is_increase, total * (seconds / 3.0), 0.0)  # mean over the three axes
         for i in range(3):
             state = first + i
             P[state, state] = P[state, state] + total
-    weights = (solved, before)
+    weight_pair = (weights, initial_weights)
     for b in range(model.par_offset.shape[0]):
         if model.par_driver[b] == CONSTANT:
             sensor = model.par_sensor[b]
             first = model.par_offset[b]
-            if redundancy.prime:
-                _renew_bias(P, weights, wanted, n_axis, redundancy, sensor, first)
-            _grow_bias(P, weights, wanted, n_axis, redundancy, sensor, first, seconds)
+            if redundancy.uses_prime:
+                _renew_bias(P, weight_pair, reduction_flag, n_axis, redundancy, sensor, first)
+            _grow_bias(P, weight_pair, reduction_flag, n_axis, redundancy, sensor, first, seconds)
 
 
 @jit
-def _renew_bias(P, weights, wanted, n_axis, redundancy, sensor, first):
+def _renew_bias(P, weight_pair, reduction_flag, n_axis, redundancy, sensor, first):
     """Reset the filter's bias states after a hand-over: uncorrelated, with the variance -P.
 
     The estimate is unchanged, and its error is b2 - b1 + e with e = b1 less the estimate. The estimate of a filter that
@@ -90,60 +92,60 @@ def _renew_bias(P, weights, wanted, n_axis, redundancy, sensor, first):
     Parameters
     ----------
     P : (n, n) covariance, updated in place
-    weights : (n_triad, 2, 3, 3) twice, weights of the axes in the mean now, and at the start of the window
-    wanted : 1 in the runs with excluded IMUs
+    weight_pair : (n_triad, 2, 3, 3) twice, weights of the axes in the mean now, and at the start of the window
+    reduction_flag : 1 in the runs with excluded IMUs
     n_axis : (n_triad,) number of axes
     redundancy : ImuRedundancy
     sensor : GYRO or ACCEL
     first : first state of the bias
     """
-    solved, before = weights
+    weights, initial_weights = weight_pair
     for i in range(3):
         state = first + i
-        change = like(P[0, 0], 0.0)
-        fresh = like(P[0, 0], 0.0)
+        change = number_like(P[0, 0], 0.0)
+        new_variance = number_like(P[0, 0], 0.0)
         for k in range(n_axis.shape[0]):
             for c in range(n_axis[k]):
-                now = solved[k, sensor, i, c]
-                step = now - before[k, sensor, i, c]
+                weight = weights[k, sensor, i, c]
+                step = weight - initial_weights[k, sensor, i, c]
                 variance = redundancy.spread[sensor, k, c]
                 step_variance = step * step * variance
-                present_variance = now * now * variance
+                present_variance = weight * weight * variance
                 change = change + step_variance
-                fresh = fresh + present_variance
+                new_variance = new_variance + present_variance
         formal = P[state, state]
-        is_handed_over = (wanted > 0.0) & (change > 0.0)
+        is_handed_over = (reduction_flag > 0.0) & (change > 0.0)
         for j in range(P.shape[0]):
             P[state, j] = where(is_handed_over, 0.0, P[state, j])
             P[j, state] = where(is_handed_over, 0.0, P[j, state])
-        most = change - fresh  # at least the variance of the new bias remains
-        reduction = where(formal < most, formal, most)
+        largest_reduction = change - new_variance  # at least the variance of the new bias remains
+        reduction = where(formal < largest_reduction, formal, largest_reduction)
         P[state, state] = where(is_handed_over, -reduction, formal)
 
 
 @jit
-def _grow_bias(P, weights, wanted, n_axis, redundancy, sensor, first, seconds):
+def _grow_bias(P, weight_pair, reduction_flag, n_axis, redundancy, sensor, first, seconds):
     """Inflate the variances of a bias, as `grow` describes.
 
     Parameters
     ----------
-    P, weights, wanted, n_axis, redundancy, sensor, first : as in `_renew_bias`
+    P, weight_pair, reduction_flag, n_axis, redundancy, sensor, first : as in `_renew_bias`
     seconds : s, length of the window
     """
-    solved, before = weights
+    weights, initial_weights = weight_pair
     for i in range(3):
-        total = like(P[0, 0], 0.0)
+        total = number_like(P[0, 0], 0.0)
         for k in range(n_axis.shape[0]):
             for c in range(n_axis[k]):
-                now = solved[k, sensor, i, c]
+                weight = weights[k, sensor, i, c]
                 all_units = redundancy.mean[0, k, sensor, i, c]
-                step = now - before[k, sensor, i, c]
-                excess = now * now - all_units * all_units
+                step = weight - initial_weights[k, sensor, i, c]
+                excess = weight * weight - all_units * all_units
                 variance = redundancy.spread[sensor, k, c]
                 variance_rate = redundancy.walk[sensor, k, c]
                 total = total + step * step * variance
                 total = total + excess * variance_rate * seconds
         state = first + i
-        is_increase = (wanted > 0.0) & (total > 0.0)
+        is_increase = (reduction_flag > 0.0) & (total > 0.0)
         increase = where(is_increase, total, 0.0)
         P[state, state] = P[state, state] + increase

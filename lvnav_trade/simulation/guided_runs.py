@@ -9,25 +9,25 @@ import numpy as np
 from lvnav_trade.kernels.random import seed_words
 from lvnav_trade.quantities.frames import matrices
 from lvnav_trade.quantities.records import NO_INJECTIONS, NO_LOST, OUTCOMES, Floats
-from lvnav_trade.simulation.preparation.prepared_case import Prepared
+from lvnav_trade.simulation.preparation.prepared_case import PreparedCase
 from lvnav_trade.trajectory.ascent.dispersion_card import SOURCES
 from lvnav_trade.trajectory.guided.ascent_runs import Injection, inject
 from lvnav_trade.trajectory.guided.autopilot import DrawKeys
 from lvnav_trade.trajectory.guided.draws import draw
 from lvnav_trade.trajectory.guided.guidance_plan import steering_times
 from lvnav_trade.trajectory.guided.guided_dynamics import NavigationErrors
-from lvnav_trade.trajectory.guided.orbit_numbers import orbit_difference, orbit_of
+from lvnav_trade.trajectory.guided.orbit_numbers import orbit_difference, osculating_orbit
 from lvnav_trade.trajectory.guided.pilots import INJECTED
 
 _N_MOTION = 9  # outputs that every case begins with: attitude, velocity, position
 
 
-def injections(prepared: Prepared, seed: int, first_run: int, errors: Floats) -> tuple[Floats, Floats]:
+def injections(prepared_case: PreparedCase, seed: int, first_run: int, errors: Floats) -> tuple[Floats, Floats]:
     """Return the injections of guided runs, and the draws of lost vehicles; empty without guidance.
 
     Parameters
     ----------
-    prepared
+    prepared_case
         Prepared case.
     seed
         Seed of the campaign.
@@ -40,18 +40,18 @@ def injections(prepared: Prepared, seed: int, first_run: int, errors: Floats) ->
     -------
     injections
         (n_run, 3 + 2 n_orbit). As in `RunBlock.injections`.
-    lost
-        (n, 4). As in `RunBlock.lost`.
+    lost_draws
+        (n, 4). As in `RunBlock.lost_draws`.
     """
-    plan = prepared.plan
+    plan = prepared_case.plan
     if plan is None:
         return NO_INJECTIONS, NO_LOST
-    steering = steering_times(plan, prepared.record.t)
-    t = prepared.record.t[steering]
+    steering = steering_times(plan, prepared_case.record.t)
+    t = prepared_case.record.t[steering]
     k0, k1 = seed_words(seed)
     results: list[Injection] = []
-    lost: list[tuple[float, ...]] = []
-    inertial_errors = in_inertial_axes(prepared, errors)
+    lost_draws: list[tuple[float, ...]] = []
+    inertial_errors = inertial_errors_of(prepared_case, errors)
     for run, error in enumerate(inertial_errors, start=first_run):
         draws = draw(plan.card, seed, run)
         navigation = NavigationErrors(t, error[steering])
@@ -62,21 +62,21 @@ def injections(prepared: Prepared, seed: int, first_run: int, errors: Floats) ->
             continue
         for name, values in draws.items():
             source = SOURCES.index(name)
-            lost += [(run, source, number, value) for number, value in enumerate(values)]
-    return rows_of(results, plan.nominal), np.array(lost, dtype=float).reshape(-1, 4)
+            lost_draws += [(run, source, number, value) for number, value in enumerate(values)]
+    return injection_rows(results, plan.nominal), np.array(lost_draws, dtype=float).reshape(-1, 4)
 
 
-def in_inertial_axes(prepared: Prepared, errors: Floats) -> Floats:
+def inertial_errors_of(prepared_case: PreparedCase, errors: Floats) -> Floats:
     """Return the errors of attitude, velocity and position in frame i, (n_run, n_hist, 9) rad, m/s, m.
 
     Parameters
     ----------
-    prepared
+    prepared_case
         Prepared case.
     errors
         (n_run, n_hist, n_out). Attitude in body axes, velocity and position in the reporting frame.
     """
-    record = prepared.record
+    record = prepared_case.record
     n_run, n_hist = errors.shape[:2]
     motion_errors = errors[..., :_N_MOTION]
     by_quantity = motion_errors.reshape(n_run, n_hist, 3, 3)
@@ -88,16 +88,16 @@ def in_inertial_axes(prepared: Prepared, errors: Floats) -> Floats:
     return inertial_errors.reshape(n_run, n_hist, _N_MOTION)
 
 
-def rows_of(injections: list[Injection], nominal: Floats) -> Floats:
+def injection_rows(injections: list[Injection], nominal: Floats) -> Floats:
     """Return injections as in `RunBlock.injections`; nominal: (7,) nominal state at cut-off, the target."""
     y = np.stack([item.y for item in injections])
     error = np.stack([item.error for item in injections])
-    target = orbit_of(nominal[None])[0]
-    achieved = orbit_of(y)
+    target = osculating_orbit(nominal[None])[0]
+    achieved_orbit = osculating_orbit(y)
     # the navigated state: position and velocity without the navigation errors, which are velocity first
     position_and_velocity_error = error[:, [6, 7, 8, 3, 4, 5]]
-    navigated = orbit_of(y[:, :6] - position_and_velocity_error)
-    outcomes = np.array([[OUTCOMES.index(item.outcome), item.t, item.left] for item in injections])
-    from_target = orbit_difference(achieved, target)
-    from_navigated = orbit_difference(achieved, navigated)
+    navigated_orbit = osculating_orbit(y[:, :6] - position_and_velocity_error)
+    outcomes = np.array([[OUTCOMES.index(item.outcome), item.t, item.propellant_left] for item in injections])
+    from_target = orbit_difference(achieved_orbit, target)
+    from_navigated = orbit_difference(achieved_orbit, navigated_orbit)
     return np.concatenate([outcomes, from_target, from_navigated], axis=1)

@@ -13,7 +13,7 @@ from numba.extending import overload
 
 from lvnav_trade.filter.policies.integrity.state import invert, limit
 from lvnav_trade.kernels.jit import jit
-from lvnav_trade.kernels.lanes import like, where, zeros_of
+from lvnav_trade.kernels.lanes import number_like, where, zeros_of
 from lvnav_trade.quantities.records import Floats
 
 FAR = 1e300
@@ -22,12 +22,12 @@ FAR = 1e300
 class RedundancyWork(NamedTuple):
     """Work arrays of redundant IMUs in a run.
 
-    out : (n_unit,). 1 for an excluded IMU.
-    when : (n_unit,). Tick from which the IMU is excluded.
+    exclusion_flag : (n_unit,). 1 for an excluded IMU.
+    exclusion_tick : (n_unit,). Tick from which the IMU is excluded.
     alarm : (1,). Tick of the first detection if no IMU is excluded; 0 before.
-    solved : (n_triad, 2, 3, 3). Weights by which the axes of the remaining IMUs enter the mean.
-    reduced : (1,). 1 once the mean is no longer that of all IMUs.
-    informed : (n_triad, 2, 3, 3). Weights of the mean that the filter was last informed of.
+    axis_weights : (n_triad, 2, 3, 3). Weights by which the axes of the remaining IMUs enter the mean.
+    reduction_flag : (1,). 1 once the mean is no longer that of all IMUs.
+    filter_weights : (n_triad, 2, 3, 3). Weights of the mean that the filter was last informed of.
     value : (n_triad, 3) rad or m/s. Increments of a tick along the axes.
     sums : (2, n_triad, 3) rad, m/s. Sums of these since the last test.
     order : (n_unit,). Scratch: readings of the IMUs, sorted for their middle value.
@@ -36,15 +36,15 @@ class RedundancyWork(NamedTuple):
     inverse : (3, 3). Scratch: inverse of the normal matrix.
     b : (3,). Scratch: right-hand side of the fit.
     fit : (3,). Scratch: solution of the fit.
-    over : (1,). Scratch: a value of the type of the lanes.
+    prototype : (1,). Scratch: a value of the type of the lanes.
     """
 
-    out: Floats
-    when: Floats
+    exclusion_flag: Floats
+    exclusion_tick: Floats
     alarm: Floats
-    solved: Floats
-    reduced: Floats
-    informed: Floats
+    axis_weights: Floats
+    reduction_flag: Floats
+    filter_weights: Floats
     value: Floats
     sums: Floats
     order: Floats
@@ -53,7 +53,7 @@ class RedundancyWork(NamedTuple):
     inverse: Floats
     b: Floats
     fit: Floats
-    over: Floats
+    prototype: Floats
 
 
 def new_redundant(n_unit: int, n_triad: int, lanes: int = 0) -> RedundancyWork:
@@ -67,12 +67,12 @@ def new_redundant(n_unit: int, n_triad: int, lanes: int = 0) -> RedundancyWork:
         Number of runs on the last axis; 0 for one run without this axis.
     """
     shapes = {
-        "out": (n_unit,),
-        "when": (n_unit,),
+        "exclusion_flag": (n_unit,),
+        "exclusion_tick": (n_unit,),
         "alarm": (1,),
-        "solved": (n_triad, 2, 3, 3),
-        "reduced": (1,),
-        "informed": (n_triad, 2, 3, 3),
+        "axis_weights": (n_triad, 2, 3, 3),
+        "reduction_flag": (1,),
+        "filter_weights": (n_triad, 2, 3, 3),
         "value": (n_triad, 3),
         "sums": (2, n_triad, 3),
         "order": (n_unit,),
@@ -81,7 +81,7 @@ def new_redundant(n_unit: int, n_triad: int, lanes: int = 0) -> RedundancyWork:
         "inverse": (3, 3),
         "b": (3,),
         "fit": (3,),
-        "over": (1,),
+        "prototype": (1,),
     }
     return RedundancyWork(**zeros_of(shapes, lanes))
 
@@ -90,21 +90,21 @@ def new_redundant(n_unit: int, n_triad: int, lanes: int = 0) -> RedundancyWork:
 def begin_redundant(work, units):
     """Reset the arrays at the start of a run: every IMU is in use (RedundancyWork, or None)."""
     if work is not None:
-        zero = like(work.over[0], 0.0)
-        work.reduced[0] = zero
+        zero = number_like(work.prototype[0], 0.0)
+        work.reduction_flag[0] = zero
         work.alarm[0] = zero
-        for u in range(work.out.shape[0]):
-            work.out[u] = zero
-            work.when[u] = zero
+        for u in range(work.exclusion_flag.shape[0]):
+            work.exclusion_flag[u] = zero
+            work.exclusion_tick[u] = zero
         _clear(work)
         for k in range(work.value.shape[0]):
             for sensor in range(2):
-                combination = units.solved[0, k, sensor]
+                combination = units.axis_weights[0, k, sensor]
                 mean_combination = units.redundant.mean[0, k, sensor]
                 for i in range(3):
                     for c in range(3):
-                        work.solved[k, sensor, i, c] = like(zero, combination[i, c])
-                        work.informed[k, sensor, i, c] = like(zero, mean_combination[i, c])
+                        work.axis_weights[k, sensor, i, c] = number_like(zero, combination[i, c])
+                        work.filter_weights[k, sensor, i, c] = number_like(zero, mean_combination[i, c])
 
 
 @jit
@@ -113,10 +113,10 @@ def _clear(work):
     for sensor in range(2):
         for k in range(work.value.shape[0]):
             for c in range(3):
-                work.sums[sensor, k, c] = like(work.over[0], 0.0)
+                work.sums[sensor, k, c] = number_like(work.prototype[0], 0.0)
 
 
-def entering(work: Any, units: Any, tick: Any, k: Any, sensor: Any, i: Any, c: Any) -> Any:
+def entry_weight(work: Any, units: Any, tick: Any, k: Any, sensor: Any, i: Any, c: Any) -> Any:
     """Return the weight with which a sensing axis enters the combined triad at a tick.
 
     Parameters
@@ -133,26 +133,26 @@ def entering(work: Any, units: Any, tick: Any, k: Any, sensor: Any, i: Any, c: A
         Axis of the combined triad, sensing axis of the triad.
     """
     stage = units.stage_without_exclusion[tick]
-    planned_weight = units.solved[stage, k, sensor, i, c]
+    planned_weight = units.axis_weights[stage, k, sensor, i, c]
     if work is None:
         return planned_weight
-    is_reduced = work.reduced[0] > 0.0
-    return where(is_reduced, work.solved[k, sensor, i, c], planned_weight)
+    is_reduced = work.reduction_flag[0] > 0.0
+    return where(is_reduced, work.axis_weights[k, sensor, i, c], planned_weight)
 
 
-@overload(entering)
-def _entering(work, units, tick, k, sensor, i, c):
+@overload(entry_weight)
+def _entry_weight(work, units, tick, k, sensor, i, c):
     if work == types.none:
-        return lambda work, units, tick, k, sensor, i, c: units.solved[0, k, sensor, i, c]
+        return lambda work, units, tick, k, sensor, i, c: units.axis_weights[0, k, sensor, i, c]
     return lambda work, units, tick, k, sensor, i, c: where(
-        work.reduced[0] > 0.0,
-        work.solved[k, sensor, i, c],
-        units.solved[units.stage_without_exclusion[tick], k, sensor, i, c],
+        work.reduction_flag[0] > 0.0,
+        work.axis_weights[k, sensor, i, c],
+        units.axis_weights[units.stage_without_exclusion[tick], k, sensor, i, c],
     )
 
 
 @jit
-def note(work, sensor, k, c, value):
+def store_increment(work, sensor, k, c, value):
     """Store an increment along an axis for selection and test.
 
     Parameters
@@ -180,22 +180,22 @@ def combine(increments, work, units, redundancy, row, sensor):
     n = units.n_axis.shape[0]
     first = 3 * sensor
     for i in range(3):
-        if redundancy.middle:
-            zero = like(work.over[0], 0.0)
+        if redundancy.uses_middle_value:
+            zero = number_like(work.prototype[0], 0.0)
             for u in range(work.order.shape[0]):
-                is_out = work.out[u] > 0.0
-                work.order[u] = where(is_out, FAR, zero)
+                is_excluded = work.exclusion_flag[u] > 0.0
+                work.order[u] = where(is_excluded, FAR, zero)
             for k in range(n):
                 u = redundancy.owner[k]
                 for c in range(units.n_axis[k]):
-                    reading = redundancy.alone[k, i, c] * work.value[k, c]
+                    reading = redundancy.imu_weights[k, i, c] * work.value[k, c]
                     work.order[u] = work.order[u] + reading
             increments[row, first + i] = _median_reading(work)
         else:
-            total = like(work.over[0], 0.0)
+            total = number_like(work.prototype[0], 0.0)
             for k in range(n):
                 for c in range(units.n_axis[k]):
-                    share = work.solved[k, sensor, i, c] * work.value[k, c]
+                    share = work.axis_weights[k, sensor, i, c] * work.value[k, c]
                     total = total + share
             increments[row, first + i] = total
 
@@ -207,10 +207,10 @@ def _median_reading(work):
     With an even number of IMUs it is the mean of the middle two.
     """
     n = work.order.shape[0]
-    n_used = like(work.over[0], 0.0)
+    n_used = number_like(work.prototype[0], 0.0)
     for u in range(n):
-        is_out = work.out[u] > 0.0
-        n_used = n_used + where(is_out, 0.0, 1.0)
+        is_excluded = work.exclusion_flag[u] > 0.0
+        n_used = n_used + where(is_excluded, 0.0, 1.0)
     # bubble sort without branches, since lanes have different orders
     for last in range(n - 1, 0, -1):
         for u in range(last):
@@ -232,9 +232,9 @@ def _median_reading(work):
 def _weight(work, skip, redundancy, weights, k, c):
     """Return the weight of an axis in the fit: 0 if its IMU is excluded or omitted (`skip`)."""
     u = redundancy.owner[k]
-    is_out = work.out[u] > 0.0
+    is_excluded = work.exclusion_flag[u] > 0.0
     weight = 0.0 if u == skip else weights[k, c]
-    return where(is_out, 0.0, weight)
+    return where(is_excluded, 0.0, weight)
 
 
 @jit
@@ -250,7 +250,7 @@ def _residual(work, units, redundancy, sensor, window, skip):
     """
     weights = redundancy.weight[window, sensor]
     n = units.n_axis.shape[0]
-    zero = like(work.over[0], 0.0)
+    zero = number_like(work.prototype[0], 0.0)
     A = work.A
     b = work.b
     fit = work.fit
@@ -268,10 +268,10 @@ def _residual(work, units, redundancy, sensor, window, skip):
             dof = dof + where(w > 0.0, 1.0, 0.0)
             y = work.sums[sensor, k, c]
             for i in range(3):
-                weighted = w * h[i]
-                b[i] = b[i] + weighted * y
+                weighted_entry = w * h[i]
+                b[i] = b[i] + weighted_entry * y
                 for j in range(3):
-                    A[i, j] = A[i, j] + weighted * h[j]
+                    A[i, j] = A[i, j] + weighted_entry * h[j]
     invert(inverse, A)
     for i in range(3):
         fit[i] = inverse[i, 0] * b[0] + inverse[i, 1] * b[1] + inverse[i, 2] * b[2]
@@ -280,31 +280,31 @@ def _residual(work, units, redundancy, sensor, window, skip):
         for c in range(units.n_axis[k]):
             h = units.frames[k, c, 0]
             w = _weight(work, skip, redundancy, weights, k, c)
-            fitted = h[0] * fit[0] + h[1] * fit[1] + h[2] * fit[2]
-            residual = work.sums[sensor, k, c] - fitted
+            fitted_increment = h[0] * fit[0] + h[1] * fit[1] + h[2] * fit[2]
+            residual = work.sums[sensor, k, c] - fitted_increment
             square = square + w * residual * residual
     return square, dof
 
 
 @jit
-def _in_use(work, u, prime):
+def _use_flag(work, u, uses_prime):
     """Return 1 if an IMU enters the combined increments: it is not excluded, and with a prime IMU no IMU before it is
     in use.
     """
-    is_out = work.out[u] > 0.0
-    in_use = where(is_out, 0.0, like(work.over[0], 1.0))
-    if prime:
-        for before in range(u):
-            is_out_before = work.out[before] > 0.0
-            in_use = where(is_out_before, in_use, 0.0)
-    return in_use
+    is_excluded = work.exclusion_flag[u] > 0.0
+    use_flag = where(is_excluded, 0.0, number_like(work.prototype[0], 1.0))
+    if uses_prime:
+        for prior_imu in range(u):
+            is_prior_excluded = work.exclusion_flag[prior_imu] > 0.0
+            use_flag = where(is_prior_excluded, use_flag, 0.0)
+    return use_flag
 
 
 @jit
 def _reduce(work, units, redundancy):
     """Set the weights of the axes in the mean of the IMUs in use: (H' W H)^-1 H' W."""
     n = units.n_axis.shape[0]
-    zero = like(work.over[0], 0.0)
+    zero = number_like(work.prototype[0], 0.0)
     A = work.A
     inverse = work.inverse
     for sensor in range(2):
@@ -316,9 +316,9 @@ def _reduce(work, units, redundancy):
             for c in range(units.n_axis[k]):
                 h = units.frames[k, c, 0]
                 for i in range(3):
-                    weighted = w * h[i]
+                    weighted_entry = w * h[i]
                     for j in range(3):
-                        A[i, j] = A[i, j] + weighted * h[j]
+                        A[i, j] = A[i, j] + weighted_entry * h[j]
         invert(inverse, A)
         for k in range(n):
             w = _share(work, redundancy, sensor, k)
@@ -327,25 +327,25 @@ def _reduce(work, units, redundancy):
                 for i in range(3):
                     row = inverse[i]
                     weight = w * (row[0] * h[0] + row[1] * h[1] + row[2] * h[2])
-                    present = work.solved[k, sensor, i, c]
-                    is_reduced = work.reduced[0] > 0.0
-                    work.solved[k, sensor, i, c] = where(is_reduced, weight, present)
+                    present = work.axis_weights[k, sensor, i, c]
+                    is_reduced = work.reduction_flag[0] > 0.0
+                    work.axis_weights[k, sensor, i, c] = where(is_reduced, weight, present)
 
 
 @jit
 def _share(work, redundancy, sensor, k):
     """Return the weight of the axes of a triad in the mean: 0 if its IMU is not in use."""
-    in_use = _in_use(work, redundancy.owner[k], redundancy.prime)
-    return where(in_use > 0.0, redundancy.shares[sensor, k], 0.0)
+    use_flag = _use_flag(work, redundancy.owner[k], redundancy.uses_prime)
+    return where(use_flag > 0.0, redundancy.shares[sensor, k], 0.0)
 
 
 @jit
 def _hand_over(work, units, redundancy, tick):
     """Exclude the first IMU after a tick."""
-    flag = like(work.over[0], 1.0)
-    work.out[0] = flag
-    work.when[0] = like(work.over[0], tick + 1.0)
-    work.reduced[0] = flag
+    flag = number_like(work.prototype[0], 1.0)
+    work.exclusion_flag[0] = flag
+    work.exclusion_tick[0] = number_like(work.prototype[0], tick + 1.0)
+    work.reduction_flag[0] = flag
     _reduce(work, units, redundancy)
 
 
@@ -356,14 +356,14 @@ def _set_ratios(work, units, redundancy, sensor, window):
     If a failure hands over from a prime IMU, it is 0 for the prime IMU and FAR for the others. It is FAR without
     redundancy.
     """
-    for u in range(work.out.shape[0]):
-        if redundancy.hands_over:
-            in_use = _in_use(work, u, redundancy.prime)
-            work.ratio[u] = where(in_use > 0.0, 0.0, like(work.over[0], FAR))
+    for u in range(work.exclusion_flag.shape[0]):
+        if redundancy.hands_over_on_failure:
+            use_flag = _use_flag(work, u, redundancy.uses_prime)
+            work.ratio[u] = where(use_flag > 0.0, 0.0, number_like(work.prototype[0], FAR))
         else:
             square, dof = _residual(work, units, redundancy, sensor, window, u)
             ratio = square / limit(redundancy.limits, dof)
-            has_no_ratio = (work.out[u] > 0.0) | (dof < 1.0)
+            has_no_ratio = (work.exclusion_flag[u] > 0.0) | (dof < 1.0)
             work.ratio[u] = where(has_no_ratio, FAR, ratio)
 
 
@@ -372,11 +372,11 @@ def check(work, units, redundancy, tick):
     """Test the IMUs after a tick that ends a test window; exclude the failed IMU, or record an alarm. Hand over from
     the prime IMU at its given tick.
     """
-    if tick + 1 == redundancy.hand_over:
+    if tick + 1 == redundancy.planned_handover_tick:
         _hand_over(work, units, redundancy, tick)
-    if redundancy.ticks == 0 or (tick + 1) % redundancy.ticks != 0:
+    if redundancy.n_test_tick == 0 or (tick + 1) % redundancy.n_test_tick != 0:
         return
-    window = (tick + 1) // redundancy.ticks - 1
+    window = (tick + 1) // redundancy.n_test_tick - 1
     for sensor in range(2):
         square, dof = _residual(work, units, redundancy, sensor, window, -1)
         is_beyond = square > limit(redundancy.limits, dof)
@@ -394,13 +394,13 @@ def check(work, units, redundancy, tick):
 @jit
 def _exclude_least(work, fails, tick):
     """Exclude the IMU with the smallest ratio after a tick, in the runs whose test fails."""
-    least = like(work.over[0], FAR)
-    for u in range(work.out.shape[0]):
+    smallest_ratio = number_like(work.prototype[0], FAR)
+    for u in range(work.exclusion_flag.shape[0]):
         ratio = work.ratio[u]
-        least = where(ratio < least, ratio, least)
-    for u in range(work.out.shape[0]):
-        is_least = (work.ratio[u] == least) & (least < FAR)
+        smallest_ratio = where(ratio < smallest_ratio, ratio, smallest_ratio)
+    for u in range(work.exclusion_flag.shape[0]):
+        is_least = (work.ratio[u] == smallest_ratio) & (smallest_ratio < FAR)
         is_failed = (fails > 0.0) & is_least
-        work.out[u] = where(is_failed, 1.0, work.out[u])
-        work.when[u] = where(is_failed, tick + 1.0, work.when[u])
-        work.reduced[0] = where(is_failed, 1.0, work.reduced[0])
+        work.exclusion_flag[u] = where(is_failed, 1.0, work.exclusion_flag[u])
+        work.exclusion_tick[u] = where(is_failed, tick + 1.0, work.exclusion_tick[u])
+        work.reduction_flag[0] = where(is_failed, 1.0, work.reduction_flag[0])

@@ -16,7 +16,7 @@ from lvnav_trade.trajectory.ascent.vehicle_cards import VehicleAscent
 from lvnav_trade.trajectory.control_cards import FeedbackCard
 from lvnav_trade.trajectory.guided import autopilot
 from lvnav_trade.trajectory.guided.course import SolvedAscent, ascend
-from lvnav_trade.trajectory.guided.missions import Launch, Missions, fly_missions, prepare_launch, with_rate_gain
+from lvnav_trade.trajectory.guided.missions import Launch, Missions, fly_missions, prepare_launch, scale_rate_gain
 
 # Rates that are fed to the controller, one mission for each.
 FEEDS = ("raw", "filtered", "true")
@@ -38,9 +38,9 @@ class NozzleStatistics(NamedTuple):
     turning : (n_feed, 2, N_PHASE, 8). Number of ticks of all runs; fractions of them with angular acceleration and with
         jerk in the envelope; largest ratios of both to it; root mean square of the attitude error (rad) and of the
         error of the fed rate (rad/s); formal sigma of that rate (rad/s).
-    shown_t : (k,) s. Start of bins of a twentieth of a second.
-    shown : (k, 2, 4). Angular acceleration, its bound, jerk and its bound in the first run with the filtered rate, at
-        the tick of each bin that is furthest out.
+    bin_time : (k,) s. Start of bins of a twentieth of a second.
+    bin_motion : (k, 2, 4). Angular acceleration, its bound, jerk and its bound in the first run with the filtered rate,
+        at the tick of each bin that is furthest out.
     """
 
     t: Floats
@@ -49,12 +49,12 @@ class NozzleStatistics(NamedTuple):
     low: Floats
     high: Floats
     turning: Floats
-    shown_t: Floats
-    shown: Floats
+    bin_time: Floats
+    bin_motion: Floats
 
 
 @lru_cache(maxsize=2)
-def _ascended(text: str) -> SolvedAscent:
+def _cached_ascent(text: str) -> SolvedAscent:
     return ascend(VehicleAscent.model_validate_json(text))
 
 
@@ -64,17 +64,17 @@ def launch_of(scenario: Scenario) -> Launch:
     assert card is not None  # the scenario is checked for it, and for its trajectory
     assert isinstance(scenario.trajectory, VehicleAscent)
     launch = prepare_launch(
-        _ascended(scenario.trajectory.model_dump_json()),
+        _cached_ascent(scenario.trajectory.model_dump_json()),
         card.rotation,
         card.controller,
         card.wind,
         equivalent(scenario.imu),
         scenario.filter.envelope,
     )
-    return with_rate_gain(launch, card.rate_gain)
+    return scale_rate_gain(launch, card.rate_gain)
 
 
-def controlled(scenario: Scenario, seed: int, runs: int) -> NozzleStatistics | None:
+def nozzle_statistics(scenario: Scenario, seed: int, runs: int) -> NozzleStatistics | None:
     """Return the missions of a case with the draws of the campaign; None without a vehicle under control.
 
     Parameters
@@ -92,7 +92,7 @@ def controlled(scenario: Scenario, seed: int, runs: int) -> NozzleStatistics | N
     missions = [fly_missions(launch, feedback(scenario, feed), runs, seed) for feed in FEEDS]
     movement = np.stack([mission.history[..., autopilot.MOVED] for mission in missions])
     turning = [_turning(launch, mission, feed) for mission, feed in zip(missions, FEEDS, strict=True)]
-    shown_t, shown = _shown(launch, feedback(scenario, "filtered"), seed)
+    bin_time, bin_motion = _bin_motion(launch, feedback(scenario, "filtered"), seed)
     return NozzleStatistics(
         t=missions[0].t,
         total=_totals(missions, np.array(_burns_of(scenario))),
@@ -100,14 +100,14 @@ def controlled(scenario: Scenario, seed: int, runs: int) -> NozzleStatistics | N
         low=movement.min(axis=1),
         high=movement.max(axis=1),
         turning=np.stack(turning),
-        shown_t=shown_t,
-        shown=shown,
+        bin_time=bin_time,
+        bin_motion=bin_motion,
     )
 
 
 def _burns_of(scenario: Scenario) -> list[tuple[float, float]]:
     card = scenario.trajectory.model_dump_json()
-    ascent = _ascended(card)
+    ascent = _cached_ascent(card)
     return burns(ascent.trajectory)
 
 
@@ -182,7 +182,7 @@ def _formal(launch: Launch, missions: Missions) -> Floats:
     return sigma
 
 
-def _shown(launch: Launch, feedback: FeedbackCard, seed: int) -> tuple[Floats, Floats]:
+def _bin_motion(launch: Launch, feedback: FeedbackCard, seed: int) -> tuple[Floats, Floats]:
     """Return time (k,) s and motion (k, 2, 4) of the first run's first seconds, for each bin the tick furthest out.
 
     Parameters
@@ -194,24 +194,24 @@ def _shown(launch: Launch, feedback: FeedbackCard, seed: int) -> tuple[Floats, F
     seed
         Seed of the campaign.
     """
-    run = fly_missions(launch, feedback, 1, seed, every=1)
+    run = fly_missions(launch, feedback, 1, seed, record_interval=1)
     per_bin = max(1, round(_BIN * launch.imu.rate))
     n_shown = int(np.sum(run.t <= SHOWN))
     n_bin = n_shown // per_bin
     n_tick = n_bin * per_bin
     first_run = run.history[0, :n_tick]
     ticks = first_run.reshape(n_bin, per_bin, 2, -1)
-    shown = np.empty((n_bin, 2, 4))
+    bin_motion = np.empty((n_bin, 2, 4))
     for axis in range(2):
         motion = ticks[:, :, axis]
         turning = motion[..., autopilot.TURNING]
         turning_bound = motion[..., autopilot.TURNING_BOUND]
         jerk = motion[..., autopilot.JERK]
         jerk_bound = motion[..., autopilot.JERK_BOUND]
-        shown[:, axis, :2] = _furthest(turning, turning_bound)
-        shown[:, axis, 2:] = _furthest(jerk, jerk_bound)
+        bin_motion[:, axis, :2] = _furthest(turning, turning_bound)
+        bin_motion[:, axis, 2:] = _furthest(jerk, jerk_bound)
     t = run.t[:n_tick:per_bin]
-    return t, shown
+    return t, bin_motion
 
 
 def _furthest(values: Floats, bounds: Floats) -> Floats:

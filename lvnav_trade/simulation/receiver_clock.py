@@ -5,7 +5,7 @@ import numpy as np
 from lvnav_trade.kernels.jit import jit
 from lvnav_trade.kernels.random import normals, seed_words
 from lvnav_trade.quantities.records import Floats
-from lvnav_trade.simulation.preparation.prepare import Prepared
+from lvnav_trade.simulation.preparation.prepare import PreparedCase
 from lvnav_trade.simulation.sensing import step_clock
 
 
@@ -16,7 +16,7 @@ def _walk(
     start: Floats,
     step: Floats,
     interval: float,
-    sources: tuple[np.uint64, np.uint64],
+    source_keys: tuple[np.uint64, np.uint64],
     run: np.uint64,
     key: tuple[np.uint64, np.uint64],
 ) -> None:
@@ -32,13 +32,13 @@ def _walk(
         (2,) initial one-sigma; (3,) Cholesky factor of the noise over an epoch.
     interval
         s. Time between epochs.
-    sources
+    source_keys
         Keys of the draws of the start and of the steps.
     run, key
         Number of the run; key words of the seed.
     """
     zero = np.uint64(0)
-    start_source, epoch_source = sources
+    start_source, epoch_source = source_keys
     k0, k1 = key
     n0, n1, _, _ = normals(k0, k1, start_source, run, zero, zero)
     path[0, 0] = start[0] * n0
@@ -50,27 +50,27 @@ def _walk(
         step_clock(path[epoch + 1], step, interval, jump[epoch], n0, n1)
 
 
-def true_clock(prepared: Prepared, seed: int, run: int) -> Floats:
+def true_clock(prepared_case: PreparedCase, seed: int, run: int) -> Floats:
     """Return the true clock bias (m) and drift (m/s) of the receiver at the epochs of a run, (n_epoch, 2).
 
     Parameters
     ----------
-    prepared
+    prepared_case
         Prepared case.
     seed
         Seed of the campaign.
     run
         Number of the run.
     """
-    signals = prepared.signals
-    path = np.zeros((prepared.t_epoch.size + 1, 2))
+    signals = prepared_case.signals
+    path = np.zeros((prepared_case.t_epoch.size + 1, 2))
     _walk(
         path,
         signals.clock_jump,
         signals.clock_start,
         signals.clock_step,
         signals.interval,
-        (signals.sources[3], signals.sources[0]),
+        (signals.source_keys[3], signals.source_keys[0]),
         np.uint64(run),
         seed_words(seed),
     )

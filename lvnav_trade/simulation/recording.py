@@ -7,8 +7,8 @@ from lvnav_trade.filter.receivers.receiver import VEL as RX_VEL
 from lvnav_trade.kernels import processes
 from lvnav_trade.kernels.attitude import matrix, small_rotation
 from lvnav_trade.kernels.covariance import normalised_square, variance_along
-from lvnav_trade.kernels.jit import inlined, jit
-from lvnav_trade.kernels.lanes import like, sqrt, where
+from lvnav_trade.kernels.jit import inline_jit, jit
+from lvnav_trade.kernels.lanes import number_like, sqrt, where
 from lvnav_trade.kernels.strapdown import Q, R, V
 from lvnav_trade.kernels.transition import ATT, CONSTANT, OTHER_0, OTHER_2, OWN_0, OWN_2, POS, VEL
 from lvnav_trade.kernels.vehicle import N_SAMPLE
@@ -42,15 +42,15 @@ def true_parameter(tables, sensor, driver, axis):
 
 
 @jit
-def _extra_errors(work, shared, model):
+def _extra_errors(work, correlated_errors, model):
     """Set the errors of extra states: the true errors that they model, at the last epoch, minus the estimates."""
     for e in range(model.extra_offset.shape[0]):
         work.x[model.extra_offset[e]] = -work.extra[e]
-    for p in range(shared.error_of.shape[0]):
-        extra_state = shared.state_of[p]
+    for p in range(correlated_errors.error_of.shape[0]):
+        extra_state = correlated_errors.state_of[p]
         state = model.extra_offset[extra_state]
-        error = shared.error_of[p]
-        work.x[state] = work.x[state] + work.shared[error]
+        error = correlated_errors.error_of[p]
+        work.x[state] = work.x[state] + work.correlated_errors[error]
 
 
 @jit
@@ -90,7 +90,7 @@ def _navigation_errors(x, work, history, model, hist):
 
 
 @jit
-def _record_vector(err, sigma, output, x, P, state, along):
+def _record_vector(err, sigma, output, x, P, state, direction):
     """Write error and sigma of a block of three states along a direction.
 
     Parameters
@@ -99,9 +99,9 @@ def _record_vector(err, sigma, output, x, P, state, along):
     output : index of the output
     x, P : (n,) and (n, n) error and covariance
     state : first state of the block
-    along : (3,) unit vector, in the axes of the states
+    direction : (3,) unit vector, in the axes of the states
     """
-    c0, c1, c2 = along
+    c0, c1, c2 = direction
     err[output] = c0 * x[state] + c1 * x[state + 1] + c2 * x[state + 2]
     sigma[output] = sqrt(variance_along(P, state, c0, c1, c2))
 
@@ -141,14 +141,14 @@ def _record_backup(work, backup, first, history, hist):
 
 
 @jit
-def _record_states(work, imus, history, shared, units, model, hist):
+def _record_states(work, imu_array_work, history, correlated_errors, imu_array, model, hist):
     """Write errors (truth minus estimate), the filter's sigma and NEES at a history time, in reporting axes.
 
     Parameters
     ----------
     work : Work, updated in place; the error state is zero afterwards
-    imus, units : ImuArrayWork and ImuArray; None for one IMU
-    history, shared : HistoryTruth, CorrelatedErrors
+    imu_array_work, imu_array : ImuArrayWork and ImuArray; None for one IMU
+    history, correlated_errors : HistoryTruth, CorrelatedErrors
     model : FilterModel
     hist : index of the history time
     """
@@ -159,29 +159,29 @@ def _record_states(work, imus, history, shared, units, model, hist):
     _navigation_errors(x, work, history, model, hist)
     if model.clock >= 0:
         # the true clock is stepped at epochs; in between its bias changes by its drift
-        since = history.since[hist]
+        time_since_epoch = history.time_since_epoch[hist]
         drift = work.clock[1]
-        bias = work.clock[0] + since * drift
+        bias = work.clock[0] + time_since_epoch * drift
         x[model.clock] = bias - work.clock_hat[0]
         x[model.clock + 1] = drift - work.clock_hat[1]
-    _extra_errors(work, shared, model)
-    add_relative_biases(work, imus, units)
+    _extra_errors(work, correlated_errors, model)
+    add_relative_biases(work, imu_array_work, imu_array)
     _record_motion(err, sigma, 0, x, P, history, hist)
-    for i in range(9, model.reported.shape[0]):
-        state = model.reported[i]
+    for i in range(9, model.reported_states.shape[0]):
+        state = model.reported_states[i]
         err[i] = x[state]
         sigma[i] = sqrt(P[state, state])
     work.nees[hist] = normalised_square(P, work.X, work.K, x, model.n_assessed)
     _check_failure(work, history, hist)
     for i in range(model.n_state):
-        x[i] = like(x[i], 0.0)
+        x[i] = number_like(x[i], 0.0)
 
 
 @jit
 def _check_failure(work, history, hist):
     """Set failure code and time of a run when its position error is first not finite (1) or beyond the limit (2)."""
     x = work.x
-    failed = work.failed[0]
+    failure_code = work.failed[0]
     limit = history.limit * history.limit
     rx = x[POS]
     ry = x[POS + 1]
@@ -189,11 +189,11 @@ def _check_failure(work, history, hist):
     # a covariance that is not a number makes the square not a number: neither within nor beyond the limit
     square = rx * rx + ry * ry + rz * rz + 0.0 * work.P[ATT, ATT]
     code = where(square > limit, 2.0, 1.0)
-    first_code = where(failed > 0.0, failed, code)
-    now = where(square <= limit, failed, first_code)
-    is_first_failure = (now > 0.0) & (failed == 0.0)
+    first_code = where(failure_code > 0.0, failure_code, code)
+    present_code = where(square <= limit, failure_code, first_code)
+    is_first_failure = (present_code > 0.0) & (failure_code == 0.0)
     work.t_failed[0] = where(is_first_failure, history.t[hist], work.t_failed[0])
-    work.failed[0] = now
+    work.failed[0] = present_code
 
 
 @jit
@@ -222,22 +222,22 @@ def _record_samples(work, motion, samples, model, tick, hist):
     if samples is not None:
         err = work.err[hist]
         sigma = work.sigma[hist]
-        raw = model.reported.shape[0]
-        corrected = raw + N_SAMPLE
+        first_raw = model.reported_states.shape[0]
+        first_corrected = first_raw + N_SAMPLE
         for i in range(N_SAMPLE):
             axis = i % 3
             true = samples.rate[tick, axis] if i < 3 else samples.force[tick, axis]
             error = true - motion.sample[i]
-            variance = like(error, samples.raw[i])
-            err[raw + i] = error
-            sigma[raw + i] = sqrt(variance)
+            variance = number_like(error, samples.raw[i])
+            err[first_raw + i] = error
+            sigma[first_raw + i] = sqrt(variance)
             state = samples.bias[i]
             if state >= 0:
                 block = samples.par[i // 3]
                 error = error + work.par[block, axis]
                 variance = work.P[state, state] + samples.variance[i]
-            err[corrected + i] = error
-            sigma[corrected + i] = sqrt(variance)
+            err[first_corrected + i] = error
+            sigma[first_corrected + i] = sqrt(variance)
 
 
 @jit
@@ -262,9 +262,9 @@ def _record_solution(work, solution_error, report, history, model, hist):
         position = velocity + 3
         clock = velocity + 6
         for i in range(3):
-            along = axes[i, 0], axes[i, 1], axes[i, 2]
-            _record_vector(err, sigma, velocity + i, x, P, RX_VEL, along)
-            _record_vector(err, sigma, position + i, x, P, RX_POS, along)
+            direction = axes[i, 0], axes[i, 1], axes[i, 2]
+            _record_vector(err, sigma, velocity + i, x, P, RX_VEL, direction)
+            _record_vector(err, sigma, position + i, x, P, RX_POS, direction)
         for k in range(2):
             state = RX_BIAS + k
             err[clock + k] = x[state]
@@ -287,37 +287,37 @@ def _record_misses(work, transition_errors, history, model, hist):
     """
     if transition_errors is not None:
         errors = transition_errors.error[hist]
-        missed = transition_errors.missed[hist]
+        transition_error = transition_errors.transition_error[hist]
         _navigation_errors(errors, work, history, model, hist)
         for i in range(model.n_state):
             error = errors[i]
-            missed[i] = error - work.x[i] if hist > 0 else like(error, 0.0)
+            transition_error[i] = error - work.x[i] if hist > 0 else number_like(error, 0.0)
             work.x[i] = error
 
 
-@inlined
-def _record_errors(work, parts, case, open_loop, history, tick, hist):
+@inline_jit
+def _record_errors(work, optional_state, case, open_loop, history, tick, hist):
     """Record the errors of all outputs; those of an open loop (OpenLoop, or None) with its correction applied."""
     model = case.model
     options = case.options
     if open_loop is not None:
-        apply_correction(work, open_loop, parts.mode_state, model)
-    _motion_errors(work, parts.motion, options.vehicle, tick)
-    _record_states(work, parts.units, history, case.signals.shared, options.units, model, hist)
+        apply_correction(work, open_loop, optional_state.mode_state, model)
+    _motion_errors(work, optional_state.motion, options.vehicle, tick)
+    _record_states(work, optional_state.units, history, case.signals.correlated_errors, options.imu_array, model, hist)
     if open_loop is not None:
         remove_correction(work, open_loop, model)
-    _record_samples(work, parts.motion, options.samples, model, tick, hist)
-    _record_solution(work, parts.solution_error, options.report, history, model, hist)
-    _record_backup(work, parts.backup, options.backup, history, hist)
+    _record_samples(work, optional_state.motion, options.reported_samples, model, tick, hist)
+    _record_solution(work, optional_state.solution_error, options.reported_solution, history, model, hist)
+    _record_backup(work, optional_state.backup, options.backup, history, hist)
 
 
-@inlined
-def record(work, parts, case, transition_errors, history, tick, hist):
+@inline_jit
+def record(work, optional_state, case, transition_errors, history, tick, hist):
     """Record the errors of a run at a history time, or those of the filter's transition.
 
     Parameters
     ----------
-    work, parts, case : Work, OptionalState, FilterCase
+    work, optional_state, case : Work, OptionalState, FilterCase
     transition_errors : TransitionErrors, which gets the errors of the transition; None to record estimation errors
     history : HistoryTruth, true motion at the history times
     tick : last tick before the history time
@@ -326,4 +326,4 @@ def record(work, parts, case, transition_errors, history, tick, hist):
     if transition_errors is not None:
         _record_misses(work, transition_errors, history, case.model, hist)
     else:
-        _record_errors(work, parts, case, parts.open_loop, history, tick, hist)
+        _record_errors(work, optional_state, case, optional_state.open_loop, history, tick, hist)

@@ -22,12 +22,12 @@ from lvnav_trade.quantities.per_axis import rms
 from lvnav_trade.quantities.records import Bools, Floats
 from lvnav_trade.quantities.shared_cards import idle_tables
 from lvnav_trade.quantities.state_layout import PARAMETERS, ExtraBlock
-from lvnav_trade.scenario.filter_models import smoothing_of, solves
+from lvnav_trade.scenario.filter_models import carrier_smoothing, has_receiver_solution
 from lvnav_trade.scenario.scenario import Scenario
 from lvnav_trade.sensors.family import RANGES, SENSOR_STATES
 from lvnav_trade.sensors.receiver_observables import DIFFERENCES, PHASES
-from lvnav_trade.simulation.preparation.cache import seen_in
-from lvnav_trade.simulation.preparation.prepare import Prepared
+from lvnav_trade.simulation.preparation.cache import cached_sky
+from lvnav_trade.simulation.preparation.prepare import PreparedCase
 
 _FLIGHT_LOOP = ("filter.feedback",)
 _CONTROL = ("control", "filter.envelope", "trajectory")
@@ -37,109 +37,109 @@ class EffectiveSettings(NamedTuple):
     """Settings with an effect on a case, by dotted path in the scenario.
 
     read : Fields that were read during preparation.
-    whole : Settings that are read completely after that.
+    complete_settings : Settings that are read completely after that.
     idle : Settings without effect although they were read, with the reason.
     exact : Filter states that are known exactly; a card may name them for IMUs with larger errors.
     """
 
     read: frozenset[str]
-    whole: tuple[str, ...]
+    complete_settings: tuple[str, ...]
     idle: Mapping[str, str]
     exact: frozenset[str] = frozenset()
 
 
-def effective_settings(prepared: Prepared, read: Collection[str]) -> EffectiveSettings:
+def effective_settings(prepared_case: PreparedCase, read: Collection[str]) -> EffectiveSettings:
     """Return the settings with an effect on a case; read: paths of the fields that its preparation read.
 
     The simulation and the vehicle under control read further cards later. These are listed here, and a test simulates a
     case to check that the list is complete.
     """
-    scenario = prepared.scenario
+    scenario = prepared_case.scenario
     complete = list(_FLIGHT_LOOP)
     if scenario.control is not None:
         complete += _CONTROL
         for name, card in scenario.sensors.items():
             if card and card.measurement == "attitude":
                 complete.append(f"sensors.{name}")
-    if prepared.plan is not None:
+    if prepared_case.plan is not None:
         complete.append("trajectory.control")  # simulated in every run
-    exact = dict(_exact_states(prepared))
+    exact = dict(_exact_states(prepared_case))
     idle = dict(
         [
-            *_unmeasured_states(prepared),
-            *_unused_delay_compensation(prepared),
+            *_unmeasured_states(prepared_case),
+            *_unused_delay_compensation(prepared_case),
             *_unused_ranges(scenario),
             *_unused_noise_factors(scenario),
-            *_unused_phases(prepared),
+            *_unused_phases(prepared_case),
             *_unused_clock_noise(scenario),
             *_empty_faults(scenario),
-            *_unnoticed_outages(prepared),
+            *_unnoticed_outages(prepared_case),
             *_unused_fault_tests(scenario),
         ]
     )
     return EffectiveSettings(
         read=frozenset(read),
-        whole=tuple(complete),
+        complete_settings=tuple(complete),
         idle=exact | idle,
         exact=frozenset(exact.keys() - idle.keys()),
     )
 
 
-def _named_states(prepared: Prepared) -> Iterator[tuple[str, str]]:
+def _named_states(prepared_case: PreparedCase) -> Iterator[tuple[str, str]]:
     """Yield path and name of the states that the filter card names."""
     for field in ("extra_states", "consider", "as_noise"):
-        for number, name in enumerate(getattr(prepared.scenario.filter, field)):
+        for number, name in enumerate(getattr(prepared_case.scenario.filter, field)):
             yield f"filter.{field}.{number}", name
 
 
-def _uncertain_states(prepared: Prepared) -> set[str]:
+def _uncertain_states(prepared_case: PreparedCase) -> set[str]:
     """Return the names of the states with an initial sigma or with driving noise."""
     names = set()
-    blocks: list[Any] = [*prepared.layout.extras, *prepared.layout.parameters]
+    blocks: list[Any] = [*prepared_case.layout.extras, *prepared_case.layout.parameters]
     for block in blocks:
         if rms(block.sigma) > 0.0 or rms(block.walk) > 0.0:
             names.add(block.name)
     return names
 
 
-def _unmeasured_states(prepared: Prepared) -> Iterator[tuple[str, str]]:
+def _unmeasured_states(prepared_case: PreparedCase) -> Iterator[tuple[str, str]]:
     """Yield the states on which no measurement depends: their Jacobian column is zero at every epoch."""
-    touched = set()
-    for block, partial in zip(prepared.layout.extras, prepared.signals.partial, strict=True):
-        enters = _entered_channels(prepared, block, partial) & (block.member >= 0)
-        if np.any(enters & prepared.model.measured):
-            touched.add(block.name)
-    for path, name in _named_states(prepared):
-        if name in SENSOR_STATES and name not in touched & _uncertain_states(prepared):
+    measured_states = set()
+    for block, partial in zip(prepared_case.layout.extras, prepared_case.signals.partial, strict=True):
+        enters = _entered_channels(prepared_case, block, partial) & (block.member >= 0)
+        if np.any(enters & prepared_case.model.is_processed):
+            measured_states.add(block.name)
+    for path, name in _named_states(prepared_case):
+        if name in SENSOR_STATES and name not in measured_states & _uncertain_states(prepared_case):
             yield path, f"{name}: no sensor has such an error"
-        elif name not in PARAMETERS and name not in touched:
+        elif name not in PARAMETERS and name not in measured_states:
             yield path, f"{name}: no measurement of the filter depends on it"
 
 
-def _entered_channels(prepared: Prepared, block: ExtraBlock, partial: Floats) -> Bools:
+def _entered_channels(prepared_case: PreparedCase, block: ExtraBlock, partial: Floats) -> Bools:
     """Return whether a block of states enters the channels, (n_channel,); a constant does not enter a difference."""
     enters = np.asarray(np.any(partial != 0.0, axis=0))
     if np.isinf(block.time_constant) and block.walk == 0.0:
-        for name in prepared.scenario.filter.differences:
-            channels = prepared.channels.of(name)
+        for name in prepared_case.scenario.filter.differences:
+            channels = prepared_case.channels.observable_slice(name)
             difference = np.diff(partial[:, channels], axis=0)
             enters[channels] &= np.any(difference != 0.0, axis=0)
     return enters
 
 
-def _exact_states(prepared: Prepared) -> Iterator[tuple[str, str]]:
-    for path, name in _named_states(prepared):
-        if name not in _uncertain_states(prepared):
+def _exact_states(prepared_case: PreparedCase) -> Iterator[tuple[str, str]]:
+    for path, name in _named_states(prepared_case):
+        if name not in _uncertain_states(prepared_case):
             yield path, f"{name}: its one-sigma is zero, and nothing drives it"
 
 
-def _unused_delay_compensation(prepared: Prepared) -> Iterator[tuple[str, str]]:
+def _unused_delay_compensation(prepared_case: PreparedCase) -> Iterator[tuple[str, str]]:
     """Yield delay compensation without a delay, and settings that only an extrapolated solution has."""
-    card = prepared.scenario.filter.delay_compensation
+    card = prepared_case.scenario.filter.delay_compensation
     if card is None:
         return
-    late = prepared.options.late
-    delays = [] if late is None else [late.delay, *(device.delay for device in prepared.devices)]
+    processing = prepared_case.options.delay_processing
+    delays = [] if processing is None else [processing.delay, *(device.delay for device in prepared_case.devices)]
     if not any(np.any(delay > 0.0) for delay in delays):
         yield "filter.delay_compensation", "nothing arrives late: no latency of the receiver or of a sensor"
     elif card.kind == "buffered":
@@ -153,8 +153,8 @@ def _unused_noise_factors(scenario: Scenario) -> Iterator[tuple[str, str]]:
     filter_tables = () if isinstance(model, str) else model.noise_by
     observables = [DIFFERENCES.get(name, name) for name in scenario.filter.measurements]
     receiver_measurements: Collection[str] = observables
-    if solves(scenario):
-        receiver_measurements = RANGES if smoothing_of(scenario) is None else (*RANGES, "carrier_phase")
+    if has_receiver_solution(scenario):
+        receiver_measurements = RANGES if carrier_smoothing(scenario) is None else (*RANGES, "carrier_phase")
         observables = []
     for path, tables, measurements in (
         ("receiver", scenario.receiver.noise_by, receiver_measurements),
@@ -167,7 +167,7 @@ def _unused_noise_factors(scenario: Scenario) -> Iterator[tuple[str, str]]:
 def _unused_ranges(scenario: Scenario) -> Iterator[tuple[str, str]]:
     """Yield faults of ranges and satellites if no ranges are used, and a receiver solution that is not used."""
     is_loose = scenario.filter.loose
-    if scenario.filter.tight or solves(scenario):
+    if scenario.filter.tight or has_receiver_solution(scenario):
         return
     if not isinstance(scenario.receiver.solution, DirectSolution):
         yield "receiver.solution", "no effect: the filter does not take the solution, and it is not reported"
@@ -179,7 +179,7 @@ def _unused_ranges(scenario: Scenario) -> Iterator[tuple[str, str]]:
         if affects_ranges or (affects_receiver and not is_loose):
             yield f"faults.{number}", reason
         elif isinstance(fault, DegradedNoise | WildSamples):
-            for field in fault.by_elevation:
+            for field in fault.elevation_keys:
                 yield f"faults.{number}.{field}", reason
             if fault.satellites:
                 yield f"faults.{number}.satellites", reason
@@ -202,31 +202,31 @@ def _empty_faults(scenario: Scenario) -> Iterator[tuple[str, str]]:
             yield f"faults.{number}", "no effect: it lasts no time"
 
 
-def _unnoticed_outages(prepared: Prepared) -> Iterator[tuple[str, str]]:
+def _unnoticed_outages(prepared_case: PreparedCase) -> Iterator[tuple[str, str]]:
     """Yield outages that do not change the tracked satellites.
 
     They keep all satellites, affect elevations without satellites, or lie within another outage.
     """
-    scenario = prepared.scenario
-    start = float(prepared.reference.t[0])
+    scenario = prepared_case.scenario
+    start = float(prepared_case.reference.t[0])
     for number, fault in enumerate(scenario.faults):
         if not isinstance(fault, SatelliteOutage) or fault.duration == 0.0:
             continue
         remaining = (*scenario.faults[:number], *scenario.faults[number + 1 :])
-        without = scenario.model_copy(update={"faults": remaining})
-        sky = seen_in(without, prepared.trajectory, prepared.t_epoch, start)
-        if np.array_equal(sky.tracked, prepared.sky.tracked):
-            n_tracked = sky.tracked.sum(axis=1)
-            most = int(n_tracked.max(initial=0))
-            yield f"faults.{number}", _no_loss(fault, len(sky.names), most)
+        fault_free_scenario = scenario.model_copy(update={"faults": remaining})
+        sky = cached_sky(fault_free_scenario, prepared_case.trajectory, prepared_case.t_epoch, start)
+        if np.array_equal(sky.is_tracked, prepared_case.sky.is_tracked):
+            n_tracked = sky.is_tracked.sum(axis=1)
+            max_tracked = int(n_tracked.max(initial=0))
+            yield f"faults.{number}", _no_loss(fault, len(sky.names), max_tracked)
 
 
-def _no_loss(fault: SatelliteOutage, n_sat: int, most: int) -> str:
-    """Return the reason why an outage removes no satellite; most: largest number of satellites tracked at once."""
+def _no_loss(fault: SatelliteOutage, n_sat: int, max_tracked: int) -> str:
+    """Return the reason why an outage removes no satellite; max_tracked: most satellites tracked at once."""
     if fault.keep >= n_sat:
         return f"no effect: it keeps {fault.keep} satellites, and the constellation has {n_sat}"
-    if fault.keep >= most:
-        return f"no effect: it keeps {fault.keep} satellites, and the receiver tracks {most} at most"
+    if fault.keep >= max_tracked:
+        return f"no effect: it keeps {fault.keep} satellites, and the receiver tracks {max_tracked} at most"
     return "no effect: the receiver tracks the same satellites without it"
 
 
@@ -239,10 +239,10 @@ def _unused_fault_tests(scenario: Scenario) -> Iterator[tuple[str, str]]:
             yield f"filter.integrity.{field}", "no effect: a solution has no redundancy, only ranges are compared"
 
 
-def _unused_phases(prepared: Prepared) -> Iterator[tuple[str, str]]:
+def _unused_phases(prepared_case: PreparedCase) -> Iterator[tuple[str, str]]:
     """Yield settings of carrier phases in a case that neither measures them nor smooths pseudoranges by them."""
-    scenario = prepared.scenario
-    if smoothing_of(scenario) is not None or any(name in PHASES for name in prepared.channels.further):
+    scenario = prepared_case.scenario
+    if carrier_smoothing(scenario) is not None or any(name in PHASES for name in prepared_case.channels.further):
         return
     reason = "no effect: no carrier phase is measured (carrier_phase, tdcp), and none smooths pseudoranges (smoothing)"
     for field in ("carrier_phase_sigma", "cycle_slips"):

@@ -184,7 +184,7 @@ def summarise(
     scale
         (n_hist, n_out) SI. True sigma by linear covariance, the unit of the histograms; the same for all blocks.
     outputs
-        Error components (Prepared.outputs); three-axis quantities get a norm.
+        Error components (PreparedCase.outputs); three-axis quantities get a norm.
 
     Raises
     ------
@@ -195,28 +195,28 @@ def summarise(
     t_event = np.array([event_times[name] for name in names], dtype=float)
     at_event = _history_index(block.t, names, t_event)
     n_run = len(block.err)
-    failed = _failure_codes(block)
-    until, alive, alive_epoch = _counted_times(block, failed)
+    failure_codes = _failure_codes(block)
+    end_times, alive, alive_epoch = _validity_masks(block, failure_codes)
     unit = add_norms(scale, outputs)
     unit = np.where(np.isfinite(unit) & (unit > 0), unit, 1.0)  # errors of zero sigma are binned in SI units
     groups = np.array(list(norm_groups(outputs).values()), dtype=np.int64).reshape(-1, 3)
     size = ErrorBins((unit * LOWEST).ravel(), BIN, N_BIN)
-    lag_sum, lag_count = lag_products(block, until, N_LAG)
+    lag_sum, lag_count = lag_products(block, end_times, N_LAG)
     t_bound = np.unique(np.concatenate([block.t[[0, -1]], block.t[at_event]]))
     return BlockSummary(
         runs=np.arange(block.first_run, block.first_run + n_run, dtype=np.int64),
-        failed=failed.astype(np.int8),
+        failed=failure_codes.astype(np.int8),
         t_failed=np.asarray(block.t_failed, dtype=float),
         t=block.t,
         scale=unit,
         n_good=_count(alive, n_run, block.t),
         n_good_epoch=_count(alive_epoch, n_run, block.t_epoch),
-        **summed_errors(block, until, np.searchsorted(block.t, t_bound), groups, size),
-        nees=_counted(block.nees, alive).sum(axis=0),
+        **summed_errors(block, end_times, np.searchsorted(block.t, t_bound), groups, size),
+        nees=_mask_after_failure(block.nees, alive).sum(axis=0),
         t_epoch=block.t_epoch,
-        nis=_counted(block.nis, alive_epoch).sum(axis=0),
-        n_row=_counted(block.n_row, alive_epoch).sum(axis=0, dtype=np.int64),
-        n_reject=_counted(block.n_reject, alive_epoch).sum(axis=0, dtype=np.int64),
+        nis=_mask_after_failure(block.nis, alive_epoch).sum(axis=0),
+        n_row=_mask_after_failure(block.n_row, alive_epoch).sum(axis=0, dtype=np.int64),
+        n_reject=_mask_after_failure(block.n_reject, alive_epoch).sum(axis=0, dtype=np.int64),
         lag_sum=lag_sum,
         lag_count=lag_count,
         events=names,
@@ -228,7 +228,7 @@ def summarise(
         changes=block.changes,
         decisions=block.decisions,
         injections=block.injections,
-        lost=block.lost,
+        lost=block.lost_draws,
     )
 
 
@@ -239,19 +239,19 @@ def _failure_codes(block: RunBlock) -> NDArray[np.int8]:
     return np.where(is_finite | has_failed, block.failed, NOT_FINITE)
 
 
-def _counted_times(block: RunBlock, failed: NDArray[np.int8]) -> tuple[Floats, Bools | None, Bools | None]:
+def _validity_masks(block: RunBlock, failure_codes: NDArray[np.int8]) -> tuple[Floats, Bools | None, Bools | None]:
     """Return until when (s) each run counts, and whether it counts at history times and epochs; None if none fails."""
-    until = _sound_until(block, failed)
-    if until is None:
-        return np.full(len(failed), np.inf), None, None
-    counts_at_history = block.t < until[:, None]
-    counts_at_epochs = block.t_epoch < until[:, None]
-    return until, counts_at_history, counts_at_epochs
+    end_times = _valid_end_times(block, failure_codes)
+    if end_times is None:
+        return np.full(len(failure_codes), np.inf), None, None
+    counts_at_history = block.t < end_times[:, None]
+    counts_at_epochs = block.t_epoch < end_times[:, None]
+    return end_times, counts_at_history, counts_at_epochs
 
 
-def _sound_until(block: RunBlock, failed: NDArray[np.int8]) -> Floats | None:
+def _valid_end_times(block: RunBlock, failure_codes: NDArray[np.int8]) -> Floats | None:
     """Return until when (s) each run counts: its failure, or its first error that is not finite; None if none fails."""
-    if not failed.any():
+    if not failure_codes.any():
         return None
     finite = np.all(np.isfinite(block.err), axis=2)
     all_finite = np.all(finite, axis=1)
@@ -260,15 +260,15 @@ def _sound_until(block: RunBlock, failed: NDArray[np.int8]) -> Floats | None:
     has_no_time = np.isnan(block.t_failed)
     t_failed = np.where(has_no_time, np.inf, block.t_failed)
     end = np.minimum(first_bad, t_failed)
-    return np.asarray(np.where(failed == 0, np.inf, end))
+    return np.asarray(np.where(failure_codes == 0, np.inf, end))
 
 
-def _counted(values: Any, alive: Bools | None) -> Any:
+def _mask_after_failure(values: Any, alive: Bools | None) -> Any:
     """Return values (n_run, n, ...) where a run counts (n_run, n), and zero after its failure."""
     if alive is None:
         return values
-    counted = alive.reshape(*alive.shape, *[1] * (values.ndim - 2))
-    return np.where(counted, values, 0.0)
+    mask = alive.reshape(*alive.shape, *[1] * (values.ndim - 2))
+    return np.where(mask, values, 0.0)
 
 
 def _count(alive: Bools | None, runs: int, t: Floats) -> Ints:
@@ -288,12 +288,12 @@ def _history_index(t: Floats, names: tuple[str, ...], t_event: Floats) -> NDArra
     return index
 
 
-def merge(parts: Iterable[BlockSummary], rows: bool = True) -> BlockSummary:
+def merge(summaries: Iterable[BlockSummary], rows: bool = True) -> BlockSummary:
     """Return the summary of all parts together, merged in run order.
 
     Parameters
     ----------
-    parts
+    summaries
         Summaries: a list in any order, or an iterator in run order, which is consumed one part at a time.
     rows
         Whether fields with a row per run are merged. Otherwise they are empty, and memory grows by 17 bytes per run.
@@ -303,42 +303,42 @@ def merge(parts: Iterable[BlockSummary], rows: bool = True) -> BlockSummary:
     ValueError
         If parts overlap or belong to different histories, or if there is no part.
     """
-    if isinstance(parts, list):
-        parts = sorted(parts, key=lambda part: part.first_run)
-    stream = iter(parts)
+    if isinstance(summaries, list):
+        summaries = sorted(summaries, key=lambda part: part.first_run)
+    stream = iter(summaries)
     first = next(stream, None)
     if first is None:
         raise ValueError("there is no part to merge")
     sums: dict[str, Any] = {name: getattr(first, name).copy() for name in _SUMMED}
     histogram = counts(first) if len(first.bins) else first.histogram.copy()
     joined_names = _PER_RUN + _ROWS if rows else _PER_RUN
-    joined = {name: [getattr(first, name)] for name in joined_names}
+    values_by_name = {name: [getattr(first, name)] for name in joined_names}
     none = {} if rows else {name: getattr(first, name)[:0].copy() for name in _ROWS}
     no_bins = first.bins[:0].copy()
     first = first._replace(**none, bins=no_bins)  # frees the bins of the first part
     bins = []
-    for part in stream:
-        _check_follows(first, joined["runs"][-1], part)
+    for summary in stream:
+        _check_follows(first, values_by_name["runs"][-1], summary)
         for name in _SUMMED:
-            sums[name] += getattr(part, name)
-        for name, values in joined.items():
-            values.append(getattr(part, name))
-        bins.append(part.bins)
+            sums[name] += getattr(summary, name)
+        for name, values in values_by_name.items():
+            values.append(getattr(summary, name))
+        bins.append(summary.bins)
         if len(bins) == _COUNTED:  # the histogram is far larger than the bins of a block
             count_bins(histogram, np.concatenate(bins))
             bins.clear()
     if bins:
         count_bins(histogram, np.concatenate(bins))
-    concatenated: dict[str, Any] = {name: np.concatenate(values) for name, values in joined.items()}
-    return first._replace(**sums, **concatenated, histogram=histogram)
+    joined_values: dict[str, Any] = {name: np.concatenate(values) for name, values in values_by_name.items()}
+    return first._replace(**sums, **joined_values, histogram=histogram)
 
 
-def _check_follows(first: BlockSummary, runs_before: Ints, part: BlockSummary) -> None:
-    if part.first_run <= runs_before[-1]:
-        raise ValueError(f"run {part.first_run} is in two parts, or the parts are not in run order")
-    is_same_history = all(np.array_equal(getattr(first, name), getattr(part, name)) for name in _SHARED)
-    if not is_same_history or first.events != part.events:
-        raise ValueError(f"the part that starts at run {part.first_run} belongs to another history")
+def _check_follows(first: BlockSummary, runs_before: Ints, summary: BlockSummary) -> None:
+    if summary.first_run <= runs_before[-1]:
+        raise ValueError(f"run {summary.first_run} is in two parts, or the parts are not in run order")
+    is_same_history = all(np.array_equal(getattr(first, name), getattr(summary, name)) for name in _SHARED)
+    if not is_same_history or first.events != summary.events:
+        raise ValueError(f"the part that starts at run {summary.first_run} belongs to another history")
 
 
 def counts(summary: BlockSummary) -> NDArray[np.uint32]:
@@ -390,9 +390,9 @@ def quantiles(summary: BlockSummary, *probabilities: float) -> list[Floats]:
     shape = (len(ranks), *summary.total.shape)
     bins = np.empty(shape, dtype=np.int64)
     for k, histogram in enumerate(counts(summary)):  # time by time: the cumulated counts are as large again
-        cumulated = np.cumsum(histogram, axis=-1, dtype=np.uint32)
+        cumulative_counts = np.cumsum(histogram, axis=-1, dtype=np.uint32)
         for number, rank in enumerate(ranks):
-            is_reached = cumulated >= rank
+            is_reached = cumulative_counts >= rank
             bins[number, k] = np.argmax(is_reached, axis=-1)
     magnitude = np.exp((bins - 0.5) * BIN)
     centre = summary.scale * LOWEST * magnitude

@@ -6,16 +6,16 @@
 from lvnav_trade.filter.ekf import clear_epoch
 from lvnav_trade.filter.policies.back_propagation import accumulate_transition, begin_transition
 from lvnav_trade.filter.policies.backup import advance_backup, begin_backup, predict_backup
-from lvnav_trade.filter.policies.delay import keep
+from lvnav_trade.filter.policies.delay import store_state
 from lvnav_trade.filter.policies.epoch_differences import clone_open_loop
-from lvnav_trade.filter.policies.imu_samples import begin_motion, correct_vehicle, last_sample
+from lvnav_trade.filter.policies.imu_samples import begin_motion, correct_vehicle, store_last_sample
 from lvnav_trade.filter.policies.integrity.state import begin_monitor
 from lvnav_trade.filter.policies.linearise import propagate_estimate
 from lvnav_trade.filter.policies.mode_logic import begin_mode_logic, hold_correction
-from lvnav_trade.filter.policies.open_loop import apply_feedback, propagate_held, propagate_open_loop
-from lvnav_trade.filter.policies.unscented import hold_window
+from lvnav_trade.filter.policies.open_loop import apply_feedback, propagate_held_correction, propagate_open_loop
+from lvnav_trade.filter.policies.unscented import store_window_start
 from lvnav_trade.kernels import processes
-from lvnav_trade.kernels.jit import inlined, jit
+from lvnav_trade.kernels.jit import inline_jit, jit
 from lvnav_trade.kernels.lanes import sqrt
 from lvnav_trade.kernels.mechanisation import mechanise
 from lvnav_trade.kernels.transition import linearise, linearised_sums
@@ -24,38 +24,38 @@ from lvnav_trade.simulation.epoch.process import end_epoch, process_epoch, sampl
 from lvnav_trade.simulation.exclusion_covariance import inform
 
 
-@inlined
-def begin_filter(work, parts, options):
+@inline_jit
+def begin_filter(work, optional_state, options):
     """Reset the arrays of a filter's optional features; its estimate is already that of the start.
 
     Parameters
     ----------
-    work, parts : Work, OptionalState; updated in place
+    work, optional_state : Work, OptionalState; updated in place
     options : Options
     """
-    begin_mode_logic(parts.mode_state)
-    begin_monitor(parts.monitor)
-    begin_backup(parts.backup, work)
-    begin_motion(parts.motion, options.samples)
-    begin_transition(parts.previous_epoch, options.delayed)
+    begin_mode_logic(optional_state.mode_state)
+    begin_monitor(optional_state.monitor)
+    begin_backup(optional_state.backup, work)
+    begin_motion(optional_state.motion, options.reported_samples)
+    begin_transition(optional_state.previous_epoch, options.differences)
 
 
-@inlined
-def _advance(work, parts, case, vehicle, w):
+@inline_jit
+def _advance(work, optional_state, case, vehicle, w):
     """Propagate the navigation state over a window: by compensated increments, or by motion states.
 
     Parameters
     ----------
-    work, parts, case : Work, OptionalState, FilterCase
+    work, optional_state, case : Work, OptionalState, FilterCase
     vehicle : VehicleModel of a filter that processes every IMU sample as a measurement, or None
     w : index of the window
     """
     n_tick = case.schedule.n_tick[w]
     model = case.model
     start = case.tick * case.schedule.first_tick[w]
-    last_sample(work, parts.motion, case.options.samples, n_tick, case.tick)
+    store_last_sample(work, optional_state.motion, case.options.reported_samples, n_tick, case.tick)
     if vehicle is not None:
-        sample_window(work, parts, case, None, None, w)
+        sample_window(work, optional_state, case, None, None, w)
     else:
         gyro = work.tables[0]
         accel = work.tables[1]
@@ -65,43 +65,45 @@ def _advance(work, parts, case, vehicle, w):
         mechanise(work.nav, work.sums, work.previous, work.increments, n_step, case.step, algorithm, start)
 
 
-@inlined
-def propagate(work, parts, case, w):
+@inline_jit
+def propagate(work, optional_state, case, w):
     """Propagate the filter over a window by the increments of the IMU.
 
     The backup strapdown and the sigma points use the increments first, before the estimated errors are removed.
 
     Parameters
     ----------
-    work, parts : Work, OptionalState; updated in place
+    work, optional_state : Work, OptionalState; updated in place
     case : FilterCase
     w : index of the window
     """
     schedule = case.schedule
     model = case.model
     options = case.options
-    previous_epoch = parts.previous_epoch
-    sigma_points = parts.sigma_points
-    open_loop = parts.open_loop
+    previous_epoch = optional_state.previous_epoch
+    sigma_points = optional_state.sigma_points
+    open_loop = optional_state.open_loop
     gravity = model.strapdown.gravity
-    length = schedule.length[w]
+    length_index = schedule.length_index[w]
     injection = schedule.injection[w]
-    linearised = schedule.linearised[w]
+    linearisation = schedule.linearisation[w]
     n_tick = schedule.n_tick[w]
     start = case.tick * schedule.first_tick[w]
-    seconds = model.seconds[length]
-    linearise(work.rates, work.nav, linearised)  # at the state before the window
-    advance_backup(parts.backup, work, model, n_tick, case.step, start)
-    hold_window(sigma_points, work, n_tick)
-    _advance(work, parts, case, options.vehicle, w)  # compensates the increments in place
-    linearised_sums(work.rates, work.sums, seconds, linearised)
+    seconds = model.seconds[length_index]
+    linearise(work.rates, work.nav, linearisation)  # at the state before the window
+    advance_backup(optional_state.backup, work, model, n_tick, case.step, start)
+    store_window_start(sigma_points, work, n_tick)
+    _advance(work, optional_state, case, options.vehicle, w)  # compensates the increments in place
+    linearised_sums(work.rates, work.sums, seconds, linearisation)
     propagate_estimate(work, case, sigma_points, open_loop, w)  # fills the transition that the others use
-    inform(work.P, parts.units, options.units, model, seconds)
-    accumulate_transition(previous_epoch, options.delayed, work.D, work.sums, model, length, injection)
-    predict_backup(parts.backup, work, model, length, injection)
-    propagate_open_loop(work, sigma_points, open_loop, model, length, linearised)
-    propagate_held(work, parts.mode_state, options.rules, model, length)
-    keep(parts.state_history, work.nav, work.previous, work.x, options.late, w, case.step, gravity)
+    inform(work.P, optional_state.units, options.imu_array, model, seconds)
+    accumulate_transition(previous_epoch, options.differences, work.D, work.sums, model, length_index, injection)
+    predict_backup(optional_state.backup, work, model, length_index, injection)
+    propagate_open_loop(work, sigma_points, open_loop, model, length_index, linearisation)
+    propagate_held_correction(work, optional_state.mode_state, options.rules, model, length_index)
+    store_state(
+        optional_state.state_history, work.nav, work.previous, work.x, options.delay_processing, w, case.step, gravity
+    )
 
 
 @jit
@@ -119,36 +121,36 @@ def _count_samples(work, motion, vehicle, model, epoch):
     if vehicle is not None:
         first_channel = model.n_entry.shape[0]
         for i in range(N_SAMPLE):
-            normalised = motion.residual[i] * sqrt(motion.weight[i])
-            square = normalised * normalised
-            work.innovation[epoch, first_channel + i] = normalised
+            normalised_residual = motion.residual[i] * sqrt(motion.weight[i])
+            square = normalised_residual * normalised_residual
+            work.innovation[epoch, first_channel + i] = normalised_residual
             work.nis[epoch] = work.nis[epoch] + square
             work.n_row[epoch] = work.n_row[epoch] + 1.0
 
 
-@inlined
-def begin_epoch(work, parts, case, epoch):
+@inline_jit
+def begin_epoch(work, optional_state, case, epoch):
     """Reset the counts and innovations of an epoch."""
     clear_epoch(work, epoch)
-    _count_samples(work, parts.motion, case.options.vehicle, case.model, epoch)
+    _count_samples(work, optional_state.motion, case.options.vehicle, case.model, epoch)
 
 
-@inlined
-def update(work, parts, case, epoch):
+@inline_jit
+def update(work, optional_state, case, epoch):
     """Update the filter by the measurements of an epoch, feed the error state back, and store or clone the estimate.
 
     Parameters
     ----------
-    work, parts : Work, OptionalState; updated in place
+    work, optional_state : Work, OptionalState; updated in place
     case : FilterCase
     epoch : index
     """
     options = case.options
-    open_loop = parts.open_loop
-    state_history = parts.state_history
-    hold_correction(parts.mode_state, options.rules, work.x)
-    process_epoch(work, parts, case, None, open_loop, case.sensors, options.rules, epoch)
-    correct_vehicle(work, parts.motion, case.model, options.vehicle)
-    apply_feedback(work, state_history, open_loop, options.late, case.model)
-    end_epoch(work, parts, case, epoch)
-    clone_open_loop(work.x, state_history, open_loop, options.late, options.delayed, epoch)
+    open_loop = optional_state.open_loop
+    state_history = optional_state.state_history
+    hold_correction(optional_state.mode_state, options.rules, work.x)
+    process_epoch(work, optional_state, case, None, open_loop, case.sensors, options.rules, epoch)
+    correct_vehicle(work, optional_state.motion, case.model, options.vehicle)
+    apply_feedback(work, state_history, open_loop, options.delay_processing, case.model)
+    end_epoch(work, optional_state, case, epoch)
+    clone_open_loop(work.x, state_history, open_loop, options.delay_processing, options.differences, epoch)

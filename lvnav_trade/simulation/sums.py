@@ -30,11 +30,11 @@ class ErrorSpans(NamedTuple):
     """Spans of the history over which errors are bounded.
 
     t : (n,) s. Times of the history.
-    at : (n_span + 1,). Indices of the bounds of the spans.
+    bounds : (n_span + 1,). Indices of the bounds of the spans.
     """
 
     t: Floats
-    at: Ints
+    bounds: Ints
 
 
 class ErrorSums(NamedTuple):
@@ -56,14 +56,14 @@ class ErrorSums(NamedTuple):
     mean_square: Floats
 
 
-def summed_errors(block: RunBlock, until: Floats, bounds: Ints, groups: Ints, size: ErrorBins) -> dict[str, Any]:
+def summed_errors(block: RunBlock, end_times: Floats, bounds: Ints, groups: Ints, size: ErrorBins) -> dict[str, Any]:
     """Return the sums over the errors of runs, and by span of the history, by field of `statistics.BlockSummary`.
 
     Parameters
     ----------
     block
         Block of runs.
-    until
+    end_times
         (n_run,) s. Time from which a run does not count.
     bounds
         (n_span + 1,). Indices of the history times that bound the spans.
@@ -90,7 +90,7 @@ def summed_errors(block: RunBlock, until: Floats, bounds: Ints, groups: Ints, si
         np.ascontiguousarray(block.err),
         np.ascontiguousarray(block.sigma),
         groups,
-        np.searchsorted(block.t, until),
+        np.searchsorted(block.t, end_times),
         size,
         ErrorSpans(block.t, bounds),
         sums,
@@ -112,7 +112,7 @@ def add_errors(
     error: Floats,
     sigma: Floats,
     groups: Ints,
-    counted: Ints,
+    time_counts: Ints,
     size: ErrorBins,
     spans: ErrorSpans,
     sums: ErrorSums,
@@ -126,7 +126,7 @@ def add_errors(
         (n_run, n, n_out). Errors, and standard deviations in the filter's covariance.
     groups
         (n_norm, 3). Outputs of three-axis quantities; their norms are the columns after the outputs.
-    counted
+    time_counts
         (n_run,). Number of times of each run that count in the sums: those before a failure.
     size, spans
         Bins, spans.
@@ -142,13 +142,13 @@ def add_errors(
     worst = sums.worst
     mean_square = sums.mean_square
     t = spans.t
-    edges = spans.at
+    edges = spans.bounds
     n_run, n, _ = error.shape
     n_column = row.shape[1]
     n_span = worst.shape[1]
     flat = row.reshape(n * n_column)
     for run in range(n_run):
-        n_cell = counted[run] * n_column
+        n_cell = time_counts[run] * n_column
         _with_norms(sigma[run], groups, row)
         for cell in range(n_cell):
             cell_sigma = flat[cell]
@@ -240,25 +240,25 @@ class LagSums(NamedTuple):
     total : (n_lag, n_used). Sums of products.
     number : (n_lag, n_used). Numbers of products.
     value : (n_epoch, n_used). Innovations of a run; 0 without a measurement.
-    there : (n_epoch, n_used). 1 where the run has an innovation.
+    presence : (n_epoch, n_used). 1 where the run has an innovation.
     count_of_run : (n_lag, n_used). Numbers of products of a run.
     """
 
     total: Floats
     number: Floats
     value: Floats
-    there: Floats
+    presence: Floats
     count_of_run: Floats
 
 
-def lag_products(block: RunBlock, until: Floats, n_lag: int) -> tuple[Floats, Ints]:
+def lag_products(block: RunBlock, end_times: Floats, n_lag: int) -> tuple[Floats, Ints]:
     """Return sums and numbers of products of innovations by lag in epochs and channel, (n_lag, n_channel) each.
 
     Parameters
     ----------
     block
         Block of runs.
-    until
+    end_times
         (n_run,) s. Time from which a run does not count.
     n_lag
         Number of lags, from 0.
@@ -274,10 +274,10 @@ def lag_products(block: RunBlock, until: Floats, n_lag: int) -> tuple[Floats, In
         total=np.zeros(by_lag),
         number=np.zeros(by_lag),
         value=np.zeros(by_epoch),
-        there=np.zeros(by_epoch),
+        presence=np.zeros(by_epoch),
         count_of_run=np.zeros(by_lag),
     )
-    add_lags(innovation, block.t_epoch, until, channels, sums)
+    add_lags(innovation, block.t_epoch, end_times, channels, sums)
     total, count = np.zeros((2, n_lag, n_channel))
     total[:, channels] = sums.total
     count[:, channels] = sums.number
@@ -285,7 +285,7 @@ def lag_products(block: RunBlock, until: Floats, n_lag: int) -> tuple[Floats, In
 
 
 @jit
-def add_lags(innovation: Floats, t: Floats, until: Floats, channels: Ints, sums: LagSums) -> None:
+def add_lags(innovation: Floats, t: Floats, end_times: Floats, channels: Ints, sums: LagSums) -> None:
     """Add products of innovations by lag in epochs, where both exist and before a run fails.
 
     Parameters
@@ -294,7 +294,7 @@ def add_lags(innovation: Floats, t: Floats, until: Floats, channels: Ints, sums:
         (n_run, n, n_channel). Normalised innovations.
     t
         (n,) s. Epochs.
-    until
+    end_times
         (n_run,) s. Time from which a run does not count.
     channels
         (n_used,). Channels with any innovation.
@@ -308,7 +308,7 @@ def add_lags(innovation: Floats, t: Floats, until: Floats, channels: Ints, sums:
         for k in range(n):
             for c in range(len(channels)):
                 e = innovation[run, k, channels[c]]
-                is_present = np.isfinite(e) and t[k] < until[run]
+                is_present = np.isfinite(e) and t[k] < end_times[run]
                 was_present = presence[k, c] == 1.0
                 value[k, c] = e if is_present else 0.0
                 is_other |= is_present != was_present
@@ -317,14 +317,14 @@ def add_lags(innovation: Floats, t: Floats, until: Floats, channels: Ints, sums:
             count_of_run[:] = 0.0
         for lag in range(min(len(total), n)):
             for k in range(lag, n):
-                earlier = k - lag
-                _add_products(value[earlier], value[k], total[lag])
+                earlier_epoch = k - lag
+                _add_products(value[earlier_epoch], value[k], total[lag])
                 if is_other:
-                    _add_products(presence[earlier], presence[k], count_of_run[lag])
+                    _add_products(presence[earlier_epoch], presence[k], count_of_run[lag])
         number += count_of_run
 
 
 @jit
-def _add_products(early: Floats, late: Floats, total: Floats) -> None:
+def _add_products(earlier_values: Floats, later_values: Floats, total: Floats) -> None:
     for c in range(len(total)):
-        total[c] += early[c] * late[c]
+        total[c] += earlier_values[c] * later_values[c]

@@ -30,13 +30,13 @@ class Tape(NamedTuple):
     """Record of a run: inputs and estimates of its filter.
 
     start : (10,). Navigation state at tick 0.
-    increments : (n_imu, 6) rad, m/s. Increments as the IMU outputs them.
-    ranges : (n_epoch, n_slot, n_kind). Measured observables of the satellites.
+    increments : (n_tick, 6) rad, m/s. Increments as the IMU outputs them.
+    ranges : (n_epoch, n_slot, n_observable). Measured observables of the satellites.
     solution : (n_epoch, 6) m, m/s. Measured position and velocity, frame i.
     covariance : (n_epoch, 6, 6). Covariance reported with the solution.
-    observed : (n_epoch, n_sensor, 4). Measurements of the other sensors.
-    before : Estimates (n_epoch). Estimates before the measurements of every epoch.
-    after : Estimates (n_epoch + 1). Estimates after them; the last is that at the end of the run.
+    sensor_measurements : (n_epoch, n_sensor, 4). Measurements of the other sensors.
+    estimates_before : Estimates (n_epoch). Estimates before the measurements of every epoch.
+    estimates_after : Estimates (n_epoch + 1). Estimates after them; the last is that at the end of the run.
     """
 
     start: Floats
@@ -44,9 +44,9 @@ class Tape(NamedTuple):
     ranges: Floats
     solution: Floats
     covariance: Floats
-    observed: Floats
-    before: Estimates
-    after: Estimates
+    sensor_measurements: Floats
+    estimates_before: Estimates
+    estimates_after: Estimates
 
 
 def _new_estimates(work, n_time: int) -> Estimates:
@@ -62,52 +62,52 @@ def _new_estimates(work, n_time: int) -> Estimates:
     return Estimates(**zeros_of(shapes))
 
 
-def new_tape(work, n_imu: int, n_epoch: int) -> Tape:
+def new_tape(work, n_tick: int, n_epoch: int) -> Tape:
     """Return an empty tape for a run.
 
     Parameters
     ----------
     work
         Work of the run, for the shapes.
-    n_imu
+    n_tick
         Number of ticks of the IMU.
     n_epoch
         Number of epochs.
     """
     shapes = {
         "start": (10,),
-        "increments": (n_imu, 6),
+        "increments": (n_tick, 6),
         "ranges": (n_epoch, *work.ranges.shape),
         "solution": (n_epoch, 6),
         "covariance": (n_epoch, 6, 6),
-        "observed": (n_epoch, *work.observed.shape),
+        "sensor_measurements": (n_epoch, *work.sensor_measurements.shape),
     }
-    before = _new_estimates(work, n_epoch)
-    after = _new_estimates(work, n_epoch + 1)
-    return Tape(**zeros_of(shapes), before=before, after=after)
+    estimates_before = _new_estimates(work, n_epoch)
+    estimates_after = _new_estimates(work, n_epoch + 1)
+    return Tape(**zeros_of(shapes), estimates_before=estimates_before, estimates_after=estimates_after)
 
 
 @jit
-def _copy(to, source):
-    for i in range(to.shape[0]):
-        to[i] = source[i]
+def _copy(target, source):
+    for i in range(target.shape[0]):
+        target[i] = source[i]
 
 
 @jit
-def _copy_rows(to, source):
-    for i in range(to.shape[0]):
-        for j in range(to.shape[1]):
-            to[i, j] = source[i, j]
+def _copy_rows(target, source):
+    for i in range(target.shape[0]):
+        for j in range(target.shape[1]):
+            target[i, j] = source[i, j]
 
 
 @jit
-def _copy_estimates(to, work, at):
-    _copy(to.nav[at], work.nav)
-    _copy(to.x[at], work.x)
-    _copy_rows(to.P[at], work.P)
-    _copy_rows(to.par[at], work.par)
-    _copy(to.clock[at], work.clock_hat)
-    _copy(to.extra[at], work.extra)
+def _copy_estimates(target, work, index):
+    _copy(target.nav[index], work.nav)
+    _copy(target.x[index], work.x)
+    _copy_rows(target.P[index], work.P)
+    _copy_rows(target.par[index], work.par)
+    _copy(target.clock[index], work.clock_hat)
+    _copy(target.extra[index], work.extra)
 
 
 @jit
@@ -146,7 +146,7 @@ def tape_epoch(tape, work, receiver, epoch):
     if tape is not None:
         _copy_rows(tape.ranges[epoch], work.ranges)
         _copy(tape.solution[epoch], work.solution)
-        _copy_rows(tape.observed[epoch], work.observed)
+        _copy_rows(tape.sensor_measurements[epoch], work.sensor_measurements)
         if receiver is not None:
             _copy_rows(tape.covariance[epoch], receiver.covariance)
 
@@ -155,11 +155,11 @@ def tape_epoch(tape, work, receiver, epoch):
 def tape_before(tape, work, epoch):
     """Record the estimates before the measurements of an epoch are processed."""
     if tape is not None:
-        _copy_estimates(tape.before, work, epoch)
+        _copy_estimates(tape.estimates_before, work, epoch)
 
 
 @jit
 def tape_after(tape, work, epoch):
     """Record the estimates after the measurements of an epoch have been processed; -1: at the end of the run."""
     if tape is not None:
-        _copy_estimates(tape.after, work, epoch)
+        _copy_estimates(tape.estimates_after, work, epoch)

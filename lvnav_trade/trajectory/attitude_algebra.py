@@ -105,11 +105,11 @@ def body_axes(x: Floats, right: Floats, roll: Floats) -> Floats:
     right_dot_x = np.sum(right * x, axis=1, keepdims=True)
     along_x = right_dot_x * x
     level = frames.unit(right - along_x)
-    below = frames.cross(x, level)
+    down = frames.cross(x, level)
     cosine = np.cos(roll)[:, None]
     sine = np.sin(roll)[:, None]
-    y = cosine * level + sine * below
-    z = cosine * below - sine * level
+    y = cosine * level + sine * down
+    z = cosine * down - sine * level
     return np.stack([x, y, z], axis=-1)
 
 

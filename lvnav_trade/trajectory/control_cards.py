@@ -273,16 +273,18 @@ class SteeredCard(units.Card):
             return
         if self.feedback.rate != "filtered":
             yield f"envelope has no effect: the controller takes the {self.feedback.rate} rate; leave it out"
-        usual = EnvelopeCard()
-        idle = [name for name in _NOT_IN_RATE_FILTER if getattr(self.envelope, name) != getattr(usual, name)]
-        if idle:
-            yield f"envelope.{idle[0]} has no effect: only the rates of pitch and yaw are filtered; leave it out"
+        default_envelope = EnvelopeCard()
+        idle_fields = [
+            name for name in _NOT_IN_RATE_FILTER if getattr(self.envelope, name) != getattr(default_envelope, name)
+        ]
+        if idle_fields:
+            yield f"envelope.{idle_fields[0]} has no effect: only the rates of pitch and yaw are filtered; leave it out"
 
     def misfits(self, stages: int) -> Iterator[str]:
         """Yield the faults of the card for a vehicle with this number of stages."""
         yield from _misfits(self.rotation, self.controller, stages)
 
-    def misguided(self, guidance: str) -> Iterator[str]:
+    def guidance_faults(self, guidance: str) -> Iterator[str]:
         """Yield the settings without effect, and the contradictions, under a guidance that steers by navigation."""
         if self.realisation != 0:
             yield f"control.realisation has no effect with guidance: {guidance}, every run is a launch; leave it out"
@@ -291,9 +293,9 @@ class SteeredCard(units.Card):
                 f"control.controller.guidance and guidance: {guidance} both correct the commanded attitude; give "
                 "controller.guidance: null"
             )
-        usual = FeedbackCard()
+        default_feedback = FeedbackCard()
         for name in ("reference_sigma", "reference_rate"):
-            if getattr(self.feedback, name) != getattr(usual, name):
+            if getattr(self.feedback, name) != getattr(default_feedback, name):
                 yield (
                     f"control.feedback.{name} has no effect with guidance: {guidance}, the controller has the "
                     "navigation of the run; leave it out"

@@ -18,13 +18,13 @@ class RowGap(NamedTuple):
 
     row : Index of the last row before the gap.
     start, end : s. Times of the rows before and after it.
-    usual : s. Longer of the intervals around it.
+    usual_interval : s. Longer of the intervals around it.
     """
 
     row: int
     start: float
     end: float
-    usual: float
+    usual_interval: float
 
     @property
     def length(self) -> float:
@@ -32,12 +32,12 @@ class RowGap(NamedTuple):
         return self.end - self.start
 
 
-def holes(t: Floats) -> list[RowGap]:
+def find_gaps(t: Floats) -> list[RowGap]:
     """Return the gaps between rising times t (n,) in s."""
     interval = np.diff(t)
-    after = np.append(interval[1:], 0.0)
-    before = np.append(0.0, interval[:-1])
-    neighbour = np.maximum(after, before)
+    next_interval = np.append(interval[1:], 0.0)
+    previous_interval = np.append(0.0, interval[:-1])
+    neighbour = np.maximum(next_interval, previous_interval)
     is_gap = (interval > _MANY * neighbour) & (neighbour > 0.0)
     gaps = []
     for k in np.flatnonzero(is_gap).tolist():
@@ -45,14 +45,14 @@ def holes(t: Floats) -> list[RowGap]:
             row=k,
             start=float(t[k]),
             end=float(t[k + 1]),
-            usual=float(neighbour[k]),
+            usual_interval=float(neighbour[k]),
         )
         gaps.append(gap)
     return gaps
 
 
-def bridged(
-    t: Floats, needed: float, longest: float, file: str, places: Sequence[str] = ()
+def bridged_gaps(
+    t: Floats, required_end: float, longest: float, file: str, places: Sequence[str] = ()
 ) -> tuple[list[RowGap], RowGap | None]:
     """Return the gaps that a spline bridges, and the gap at which the data end.
 
@@ -60,7 +60,7 @@ def bridged(
     ----------
     t : (n,) s
         Rising times of the rows.
-    needed : float
+    required_end : float
         Time (s) up to which data are required. At a longer gap after it the data end.
     longest : float
         Longest gap (s) that a spline bridges.
@@ -72,33 +72,33 @@ def bridged(
     Raises
     ------
     InputError
-        A gap longer than `longest` begins before `needed`.
+        A gap longer than `longest` begins before `required_end`.
     """
-    short: list[RowGap] = []
-    for hole in holes(t):
-        if hole.length <= longest:
-            short.append(hole)
-        elif hole.start >= needed:
-            return short, hole
+    gaps: list[RowGap] = []
+    for gap in find_gaps(t):
+        if gap.length <= longest:
+            gaps.append(gap)
+        elif gap.start >= required_end:
+            return gaps, gap
         else:
-            line = f":{places[hole.row + 1]}" if places else ""
+            line = f":{places[gap.row + 1]}" if places else ""
             raise InputError(
-                f"{file}{line}: no data between {hole.start:g} s and {hole.end:g} s, where the rows around are "
-                f"{hole.usual:.3g} s apart; at most {longest:g} s are bridged"
+                f"{file}{line}: no data between {gap.start:g} s and {gap.end:g} s, where the rows around are "
+                f"{gap.usual_interval:.3g} s apart; at most {longest:g} s are bridged"
             )
-    return short, None
+    return gaps, None
 
 
-def described(short: Sequence[RowGap]) -> list[str]:
+def gap_remarks(gaps: Sequence[RowGap]) -> list[str]:
     """Return the remark on the gaps that a spline bridges; an empty list without gaps."""
-    if not short:
+    if not gaps:
         return []
-    longest = max(short, key=lambda hole: hole.length)
+    longest = max(gaps, key=lambda gap: gap.length)
     span = f"{longest.start:.6g} to {longest.end:.6g} s"
-    if len(short) == 1:
+    if len(gaps) == 1:
         return [f"no data from {span}: a spline through the rows on both sides fills the hole"]
     return [
-        f"{len(short)} holes without data, the longest from {span}: a spline through the rows on both sides fills them"
+        f"{len(gaps)} holes without data, the longest from {span}: a spline through the rows on both sides fills them"
     ]
 
 
@@ -116,13 +116,13 @@ class ForceJump(NamedTuple):
     """A jump of the specific force.
 
     time : s. Estimated time within the interval.
-    before, after : m/s^2. Specific force at either side.
+    force_before, force_after : m/s^2. Specific force at either side.
     width : s. Length of the interval.
     """
 
     time: float
-    before: float
-    after: float
+    force_before: float
+    force_after: float
     width: float
 
 
@@ -149,28 +149,28 @@ def force_jumps(t: Floats, force: Floats, coarsest: float, noise: Floats | float
     """
     jumps: list[ForceJump] = []
     velocity_noise = np.broadcast_to(noise, t.shape)
-    hidden = np.full(force.shape, np.inf)  # size above which a finer interval would have shown the jump
+    largest_size = np.full(force.shape, np.inf)  # size above which a finer interval would have shown the jump
     while force.size > 2 * _SIDE:
         width = np.diff(t)
         force_noise = np.hypot(velocity_noise[1:], velocity_noise[:-1]) / width
         noise_level = np.maximum(_estimate_noise(force), force_noise)
         limit = np.maximum(_SMALLEST, _SIGNIFICANT * noise_level)
         usual_width = np.median(width)
-        near = _SIDE * usual_width
-        new = []
-        for jump in _find_jumps(t, force, limit, hidden):
-            if all(abs(jump.time - earlier.time) > near for earlier in jumps):
-                new.append(jump)
-        jumps += new
+        merge_distance = _SIDE * usual_width
+        new_jumps = []
+        for jump in _find_jumps(t, force, limit, largest_size):
+            if all(abs(jump.time - other_jump.time) > merge_distance for other_jump in jumps):
+                new_jumps.append(jump)
+        jumps += new_jumps
         if 2.0 * usual_width > coarsest or np.all(limit <= _SMALLEST):
             break
         # Join the intervals in pairs: their velocity gains add, the noise of the inner velocity drops out.
         n_pair = force.size // 2
         n_paired = 2 * n_pair
-        missed = np.where(limit > _SMALLEST, _BURIED * limit, 0.0)
-        first_missed = missed[:n_paired:2]
-        second_missed = missed[1:n_paired:2]
-        hidden = np.minimum(first_missed, second_missed)
+        undetected_size = np.where(limit > _SMALLEST, _BURIED * limit, 0.0)
+        first_undetected = undetected_size[:n_paired:2]
+        second_undetected = undetected_size[1:n_paired:2]
+        largest_size = np.minimum(first_undetected, second_undetected)
         interval_gain = (force * width)[:n_paired]
         velocity_gain = interval_gain.reshape(n_pair, 2).sum(axis=1)
         t = t[: n_paired + 1 : 2]
@@ -194,7 +194,7 @@ class _Candidates(NamedTuple):
     """Intervals that may contain a jump.
 
     k : (m,). Index of the interval.
-    before, after : (2, m) m/s^2. Fitted lines on either side, at both ends of the interval.
+    force_before, force_after : (2, m) m/s^2. Fitted lines on either side, at both ends of the interval.
     size : (m,) m/s^2. Smaller of the differences of both lines at the ends.
     residual : (m,) m/s^2. Larger residual of both lines.
     share : (m,). Part of the interval before the jump, by its mean force.
@@ -202,27 +202,27 @@ class _Candidates(NamedTuple):
     """
 
     k: NDArray[np.int64]
-    before: Floats
-    after: Floats
+    force_before: Floats
+    force_after: Floats
     size: Floats
     residual: Floats
     share: Floats
     steepness: Floats
 
-    def is_clear(self, limit: Floats, hidden: Floats) -> NDArray[np.bool_]:
-        """Return which candidates are jumps of a size between `limit` and `hidden` (n,) m/s^2."""
-        apart = self.after - self.before
+    def is_jump(self, smallest_size: Floats, largest_size: Floats) -> NDArray[np.bool_]:
+        """Return which candidates are jumps of a size between `smallest_size` and `largest_size` (n,) m/s^2."""
+        difference = self.force_after - self.force_before
         # lines that cross within the interval are a bend, not a jump
-        has_one_sign = apart[0] * apart[1] > 0.0
+        has_one_sign = difference[0] * difference[1] > 0.0
         is_straight = self.residual <= _STRAIGHT * self.size
-        clear = has_one_sign & is_straight
-        clear &= np.abs(self.share - 0.5) <= 0.6
-        is_large = self.size > limit[self.k]
-        was_hidden = self.size <= hidden[self.k]
-        clear &= is_large & was_hidden
+        is_candidate = has_one_sign & is_straight
+        is_candidate &= np.abs(self.share - 0.5) <= 0.6
+        is_large = self.size > smallest_size[self.k]
+        was_hidden = self.size <= largest_size[self.k]
+        is_candidate &= is_large & was_hidden
         # wrong rows may also lie on a straight line, but on a steep one
-        clear &= self.steepness <= _FLAT * self.size
-        return np.asarray(clear)
+        is_candidate &= self.steepness <= _FLAT * self.size
+        return np.asarray(is_candidate)
 
 
 def _candidates(t: Floats, force: Floats) -> _Candidates:
@@ -233,21 +233,21 @@ def _candidates(t: Floats, force: Floats) -> _Candidates:
     first, second = k - _SIDE, k + 1  # the lines before and after an interval
     ends = t[[k, k + 1]]
     first_slope, second_slope = slope[first], slope[second]
-    before = level[first] + first_slope * (ends - middle[first])
-    after = level[second] + second_slope * (ends - middle[second])
+    force_before = level[first] + first_slope * (ends - middle[first])
+    force_after = level[second] + second_slope * (ends - middle[second])
     # mean force = share x before + (1 - share) x after
-    mean_before = np.mean(before, axis=0)
-    mean_after = np.mean(after, axis=0)
+    mean_before = np.mean(force_before, axis=0)
+    mean_after = np.mean(force_after, axis=0)
     difference = mean_before - mean_after
     divisor = np.where(difference == 0.0, 1.0, difference)
     share = (force[k] - mean_after) / divisor
-    jump_at_ends = np.abs(after - before)
+    jump_at_ends = np.abs(force_after - force_before)
     steepest = np.maximum(np.abs(first_slope), np.abs(second_slope))
     width = t[k + 1] - t[k]
     return _Candidates(
         k=k,
-        before=before,
-        after=after,
+        force_before=force_before,
+        force_after=force_after,
         size=np.min(jump_at_ends, axis=0),
         residual=np.maximum(residual[first], residual[second]),
         share=share,
@@ -255,7 +255,7 @@ def _candidates(t: Floats, force: Floats) -> _Candidates:
     )
 
 
-def _find_jumps(t: Floats, force: Floats, limit: Floats, hidden: Floats) -> Iterator[ForceJump]:
+def _find_jumps(t: Floats, force: Floats, smallest_size: Floats, largest_size: Floats) -> Iterator[ForceJump]:
     """Yield the jumps of the specific force at one interval length, the clearest first.
 
     No jump lies within the fitted lines of another.
@@ -266,12 +266,12 @@ def _find_jumps(t: Floats, force: Floats, limit: Floats, hidden: Floats) -> Iter
         Increasing times.
     force : (n,) m/s^2
         Mean specific force over each interval.
-    limit, hidden : (n,) m/s^2
+    smallest_size, largest_size : (n,) m/s^2
         Smallest and largest size of a jump in each interval.
     """
     candidates = _candidates(t, force)
-    is_clear = candidates.is_clear(limit, hidden)
-    score = np.where(is_clear, candidates.size - 3.0 * candidates.residual, 0.0)
+    is_jump = candidates.is_jump(smallest_size, largest_size)
+    score = np.where(is_jump, candidates.size - 3.0 * candidates.residual, 0.0)
     while score.size and np.max(score) > 0.0:
         best = int(np.argmax(score))
         k = candidates.k[best]
@@ -280,8 +280,8 @@ def _find_jumps(t: Floats, force: Floats, limit: Floats, hidden: Floats) -> Iter
         share = min(max(float(candidates.share[best]), 0.0), 1.0)
         yield ForceJump(
             time=float(begin + share * width),
-            before=float(candidates.before[0, best]),
-            after=float(candidates.after[1, best]),
+            force_before=float(candidates.force_before[0, best]),
+            force_after=float(candidates.force_after[1, best]),
             width=float(width),
         )
         first_near = max(best - _SIDE, 0)
@@ -319,7 +319,7 @@ def _fit_lines(t: Floats, force: Floats) -> tuple[Floats, Floats, Floats, Floats
 
 
 def suggested_events(
-    t: Floats, force: Floats, declared: Mapping[str, float], coarsest: float, noise: Floats | float = 0.0
+    t: Floats, force: Floats, declared_events: Mapping[str, float], coarsest: float, noise: Floats | float = 0.0
 ) -> dict[str, str]:
     """Return events that the jumps of a specific force suggest and the card does not declare.
 
@@ -330,7 +330,7 @@ def suggested_events(
     ----------
     t, force, coarsest, noise
         As in `force_jumps`.
-    declared : mapping
+    declared_events : mapping
         Times (s) of the declared events by name. Jumps close to these are omitted.
 
     Returns
@@ -338,33 +338,33 @@ def suggested_events(
     dict
         Time by name of the event, as text with unit.
     """
-    suggested: dict[str, str] = {}
+    suggestions: dict[str, str] = {}
     stage = 1
     counts = {"rise": 0, "fall": 0}
     for jump in force_jumps(t, force, coarsest, noise):
-        if abs(jump.after) < _COAST * abs(jump.before):
+        if abs(jump.force_after) < _COAST * abs(jump.force_before):
             name = f"stage{stage}_cutoff"
             stage += 1
-        elif abs(jump.before) < _COAST * abs(jump.after):
+        elif abs(jump.force_before) < _COAST * abs(jump.force_after):
             name = f"stage{stage}_ignition"
         else:
-            sense = "rise" if jump.after > jump.before else "fall"
+            sense = "rise" if jump.force_after > jump.force_before else "fall"
             counts[sense] += 1
             name = f"{sense}_{counts[sense]}"
-        near = _NEAR + 2.0 * jump.width
-        is_declared = any(abs(jump.time - time) <= near for time in declared.values())
+        tolerance = _NEAR + 2.0 * jump.width
+        is_declared = any(abs(jump.time - time) <= tolerance for time in declared_events.values())
         if not is_declared:
             digits = max(0, 1 - math.floor(math.log10(jump.width)))
-            suggested[name] = f"{jump.time:.{digits}f} s"
-    return suggested
+            suggestions[name] = f"{jump.time:.{digits}f} s"
+    return suggestions
 
 
 def missing_events(
-    t: Floats, force: Floats, declared: Mapping[str, float], coarsest: float, noise: Floats | float = 0.0
+    t: Floats, force: Floats, declared_events: Mapping[str, float], coarsest: float, noise: Floats | float = 0.0
 ) -> str:
     """Return the warning with `suggested_events` as YAML; empty if there are none. The arguments are the same."""
-    suggested = suggested_events(t, force, declared, coarsest, noise)
-    if not suggested:
+    suggestions = suggested_events(t, force, declared_events, coarsest, noise)
+    if not suggestions:
         return ""
-    events = ", ".join(f"{name}: {time}" for name, time in suggested.items())
+    events = ", ".join(f"{name}: {time}" for name, time in suggestions.items())
     return f"the specific force jumps where no event is declared; as YAML: events: {{{events}}}"

@@ -149,10 +149,10 @@ def small_motion(oscillations: Iterable[Oscillation], t: Floats) -> SmallMotion:
     total = SmallMotion(*(np.zeros((t.size, 3)) for _ in SmallMotion._fields))
     for oscillation in oscillations:
         is_started = oscillation.start < t
-        within = is_started & (t < oscillation.end)
-        motion = _oscillation_motion(oscillation, t[within])
+        is_inside = is_started & (t < oscillation.end)
+        motion = _oscillation_motion(oscillation, t[is_inside])
         for sum_, term in zip(total, motion, strict=True):
-            sum_[within] += term
+            sum_[is_inside] += term
     return total
 
 
@@ -182,10 +182,10 @@ def _window(oscillation: Oscillation, t: Floats) -> tuple[Floats, Floats, Floats
     body rate, velocity and specific force have no jump.
     """
     ramp = oscillation.ramp
-    rising = (t - oscillation.start) / ramp
-    falling = (oscillation.end - t) / ramp
-    x = np.clip(np.minimum(rising, falling), 0.0, 1.0)
-    x_rate = np.where(rising <= falling, 1.0, -1.0) / ramp
+    ramp_up = (t - oscillation.start) / ramp
+    ramp_down = (oscillation.end - t) / ramp
+    x = np.clip(np.minimum(ramp_up, ramp_down), 0.0, 1.0)
+    x_rate = np.where(ramp_up <= ramp_down, 1.0, -1.0) / ramp
     to_end = 1.0 - x
     polynomial = 10.0 + x * (6.0 * x - 15.0)
     w = x**3 * polynomial
@@ -217,11 +217,11 @@ def oscillations(
     result = []
     for k, card in enumerate(cards, start=1):
         start, end = resolve(card.start, instants), resolve(card.end, instants)
-        where = f"oscillation {k}: "
+        place = f"oscillation {k}: "
         if end - start < 2.0 * card.ramp:
-            raise InputError(f"{where}from {start:g} to {end:g} s there is no room for two ramps of {card.ramp:g} s")
+            raise InputError(f"{place}from {start:g} to {end:g} s there is no room for two ramps of {card.ramp:g} s")
         if start < first or end > last:
-            raise InputError(f"{where}{start:g} to {end:g} s is not within the flight, {first:g} to {last:g} s")
+            raise InputError(f"{place}{start:g} to {end:g} s is not within the flight, {first:g} to {last:g} s")
         omega, turn, shift = zip(*_sinusoids(card), strict=True)
         oscillation = Oscillation(
             start=start,
@@ -295,7 +295,7 @@ def _noise_sinusoids(card: Noise) -> Iterator[Sinusoid]:
         place, turns = _random_pairs(f"{card.name} {axis} {quantity}", card.lines)
         ratio = edges[1:] / edges[:-1]
         frequencies = edges[:-1] * ratio**place
-        power = np.diff(_cumulated(breakpoints, density, edges))
+        power = np.diff(_cumulative_power(breakpoints, density, edges))
         amplitudes = np.sqrt(2.0 * power)  # a sinusoid of amplitude a has the power a^2 / 2
         phases = 2.0 * np.pi * turns
         for frequency, amplitude, phase in zip(frequencies, amplitudes, phases, strict=True):
@@ -351,19 +351,19 @@ def _sway_sinusoid(card: SwayMode, frequency: float, peak: float, phase: float) 
     return omega, turn, shift
 
 
-def _cumulated(f: Floats, density: Floats, at: Floats) -> Floats:
-    """Return the power (n,) between f[0] and `at` of a density that is linear on logarithmic axes.
+def _cumulative_power(f: Floats, density: Floats, upper_limit: Floats) -> Floats:
+    """Return the power (n,) between f[0] and `upper_limit` of a density that is linear on logarithmic axes.
 
     Each piece is density f^s, with the integral f^(s + 1) / (s + 1), or log f for s = -1.
 
     f : (m,) Hz. Breakpoints.
     density : (m,). One-sided density at the breakpoints, square of an SI unit per Hz.
-    at : (n,) Hz. Upper limits of integration.
+    upper_limit : (n,) Hz. Upper limits of integration.
     """
     slope = np.diff(np.log(density)) / np.diff(np.log(f))
-    total = np.zeros_like(at)
+    total = np.zeros_like(upper_limit)
     for k, exponent in enumerate(slope + 1.0):
-        upper = np.clip(at, f[k], f[k + 1]) / f[k]
+        upper = np.clip(upper_limit, f[k], f[k + 1]) / f[k]
         scale = density[k] * f[k]
         if abs(exponent) < 1e-12:
             total += scale * np.log(upper)

@@ -45,7 +45,7 @@ class ExportedFlight(NamedTuple):
     flight: Trajectory
 
 
-def exported(card: TrajectoryCard, file: str, name: str, rate: float) -> ExportedFlight:
+def export_trajectory(card: TrajectoryCard, file: str, name: str, rate: float) -> ExportedFlight:
     """Return the trajectory of a card as CSV rows and a card.
 
     Rows have geodetic position, velocity relative to the Earth (ned) and the quaternion from body to frame i, with all
@@ -150,18 +150,18 @@ def _times(begin: float, end: float, events: list[float], rate: float) -> Floats
     if n_row > DATA_ROWS:
         raise InputError(f"{n_row:.0f} rows; at most {DATA_ROWS} are read: give a lower rate")
     inner_events = [time for time in events if begin < time < end]
-    fixed = np.unique([begin, *inner_events, end])
-    fixed = fixed[np.diff(fixed, prepend=-math.inf) > _SAME]
+    fixed_times = np.unique([begin, *inner_events, end])
+    fixed_times = fixed_times[np.diff(fixed_times, prepend=-math.inf) > _SAME]
     first = math.ceil(begin * rate)
     last = math.floor(end * rate)
     grid = np.arange(first, last + 1) / rate
-    insertion = np.searchsorted(fixed, grid)
-    after = np.clip(insertion, 1, fixed.size - 1)
-    to_next = np.abs(grid - fixed[after])
-    to_previous = np.abs(grid - fixed[after - 1])
+    insertion = np.searchsorted(fixed_times, grid)
+    next_index = np.clip(insertion, 1, fixed_times.size - 1)
+    to_next = np.abs(grid - fixed_times[next_index])
+    to_previous = np.abs(grid - fixed_times[next_index - 1])
     distance = np.minimum(to_next, to_previous)
     free_points = grid[distance > 0.99 / rate]
-    return np.sort(np.concatenate([fixed, free_points]))
+    return np.sort(np.concatenate([fixed_times, free_points]))
 
 
 def _text(card: TrajectoryCard, flight: Trajectory, t: Floats) -> str:
@@ -215,11 +215,11 @@ def _limits(card: TrajectoryCard, flight: Trajectory) -> dict[str, str]:
 def _copied_fields(card: TrajectoryCard) -> dict[str, Any]:
     """Return the fields that the export copies from the card."""
     data = card.model_dump(mode="json", exclude_defaults=True)
-    copied = {}
+    fields = {}
     for field in ("oscillation", "named_times"):
         if data.get(field):
-            copied[field] = data[field]
-    return copied
+            fields[field] = data[field]
+    return fields
 
 
 def difference(flight: Trajectory, second: Trajectory) -> dict[str, float]:

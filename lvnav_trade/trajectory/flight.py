@@ -15,12 +15,12 @@ from lvnav_trade.trajectory.ascent.vehicle_cards import VehicleAscent
 from lvnav_trade.trajectory.disturbances import oscillations
 from lvnav_trade.trajectory.files.columns import TableTrajectory
 from lvnav_trade.trajectory.files.contradiction import require_consistent
-from lvnav_trade.trajectory.files.row_fit import content_of
-from lvnav_trade.trajectory.files.table_flight import from_table, residuals, undeclared
+from lvnav_trade.trajectory.files.row_fit import file_digest
+from lvnav_trade.trajectory.files.table_flight import build_table_flight, missing_events_warning, residuals
 from lvnav_trade.trajectory.flights.orbital import OrbitalFlight, orbit
 from lvnav_trade.trajectory.flights.sounding import SoundingFlight, launch
-from lvnav_trade.trajectory.guided.controlled_flight import flown_ascent
-from lvnav_trade.trajectory.truth import Phase, Trajectory, motion, oscillating, reference
+from lvnav_trade.trajectory.guided.controlled_flight import simulate_ascent
+from lvnav_trade.trajectory.truth import Phase, Trajectory, add_oscillations, motion, reference
 
 __all__ = [
     "Phase",
@@ -36,9 +36,9 @@ __all__ = [
 
 TrajectoryCard = VehicleAscent | RecordedAscent | TableTrajectory | SoundingFlight | OrbitalFlight
 _BUILDERS: dict[str, Callable[[Any], Trajectory]] = {
-    "vehicle": flown_ascent,
+    "vehicle": simulate_ascent,
     "profile": rebuild,
-    "table": from_table,
+    "table": build_table_flight,
     "sounding": launch,
     "orbital": orbit,
 }
@@ -56,7 +56,7 @@ def build(card: TrajectoryCard) -> Trajectory:
     if card.named_times:
         flight = replace(flight, events=flight.events | _named_times(flight, card.named_times))
     span = (flight.start, flight.end)
-    return oscillating(flight, oscillations(card.oscillation, flight.events, span))
+    return add_oscillations(flight, oscillations(card.oscillation, flight.events, span))
 
 
 def _named_times(flight: Trajectory, named_times: Mapping[str, str]) -> dict[str, float]:
@@ -76,7 +76,7 @@ def _named_times(flight: Trajectory, named_times: Mapping[str, str]) -> dict[str
 
 def content(card: TrajectoryCard) -> str:
     """Return the digest of the file of a card, empty without a file, so that a changed file is another trajectory."""
-    return content_of(card.file) if isinstance(card, RecordedAscent | TableTrajectory) else ""
+    return file_digest(card.file) if isinstance(card, RecordedAscent | TableTrajectory) else ""
 
 
 def identity(card: TrajectoryCard) -> str:
@@ -84,19 +84,19 @@ def identity(card: TrajectoryCard) -> str:
 
     Settings that only affect guided runs do not count, because navigation is simulated on the nominal trajectory.
     """
-    unread = {"name", "source", "file", "named_times"}
-    dumped = card.model_dump(mode="json", exclude_defaults=True, exclude=unread)
+    excluded_fields = {"name", "source", "file", "named_times"}
+    data = card.model_dump(mode="json", exclude_defaults=True, exclude=excluded_fields)
     if isinstance(card, VehicleAscent):
-        dumped["vehicle"].pop("dispersions", None)  # they change runs, not the nominal trajectory
-        if dumped.pop("guidance", None) is not None:
+        data["vehicle"].pop("dispersions", None)  # they change runs, not the nominal trajectory
+        if data.pop("guidance", None) is not None:
             for name in ("cutoff", "dispersion", "control", "attitude_lag"):
-                dumped.pop(name, None)
-    identified = [type(card).__name__, without_marks(dumped), content(card)]
-    text = json.dumps(identified, sort_keys=True)
+                data.pop(name, None)
+    identity_data = [type(card).__name__, without_marks(data), content(card)]
+    text = json.dumps(identity_data, sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
 def refuse_contradiction(card: TrajectoryCard, imu: ImuCard) -> None:
     """Raise InputError if a user's file contradicts itself by more than is allowed for an IMU."""
     if isinstance(card, TableTrajectory):
-        require_consistent(residuals(card), imu, card.file, undeclared(card))
+        require_consistent(residuals(card), imu, card.file, missing_events_warning(card))

@@ -35,7 +35,7 @@ class Phase(NamedTuple):
     start, end : s since lift-off.
     position : Spline of position (m, frame i).
     attitude : Spline of the quaternion q_b_i, before normalisation.
-    spin : Roll angle (rad) over time, a rotation about the body x axis after the splined attitude.
+    roll_angle : Roll angle (rad) over time, a rotation about the body x axis after the splined attitude.
     oscillations : Coning and vibration, a rotation and displacement after the roll.
     """
 
@@ -44,7 +44,7 @@ class Phase(NamedTuple):
     end: float
     position: BSpline
     attitude: BSpline
-    spin: PPoly | None = None
+    roll_angle: PPoly | None = None
     oscillations: tuple[Oscillation, ...] = ()
 
 
@@ -52,9 +52,9 @@ BEYOND, WARNING, NOTE = "beyond usual limits", "warning", "note"
 
 
 class Remark(NamedTuple):
-    """Remark on a trajectory for the user: kind (`BEYOND`, `WARNING` or `NOTE`) and text without a full stop."""
+    """Remark on a trajectory for the user: category (`BEYOND`, `WARNING` or `NOTE`) and text without a full stop."""
 
-    kind: str
+    category: str
     text: str
 
 
@@ -72,7 +72,7 @@ class Commands(NamedTuple):
     rate: Floats
     nozzle: Floats
 
-    def at(self, t: Floats) -> tuple[Floats, Floats]:
+    def sample(self, t: Floats) -> tuple[Floats, Floats]:
         """Return rate and nozzle angle, (k, 2) each, of the last tick before times t (k,) s; zero before the first."""
         k = np.searchsorted(self.t, t + _SLIVER, side="right")
         rate = np.vstack([np.zeros(2), self.rate])
@@ -119,16 +119,16 @@ class Trajectory:
         """Times (s) that a fault may start at: the events, and ``start`` and ``end`` of the flight."""
         return {"start": self.start, "end": self.end, **self.events}
 
-    def remarked(self, kind: str, texts: Iterable[str]) -> "Trajectory":
-        """Return the trajectory with further remarks of a kind."""
-        return replace(self, remarks=(*self.remarks, *(Remark(kind, text) for text in texts)))
+    def add_remarks(self, category: str, texts: Iterable[str]) -> "Trajectory":
+        """Return the trajectory with further remarks of a category."""
+        return replace(self, remarks=(*self.remarks, *(Remark(category, text) for text in texts)))
 
     @cached_property
-    def course(self) -> FlightProfile:
+    def flight_profile(self) -> FlightProfile:
         """The flight as `Conditions` evaluate it: events, altitude, speed, dynamic pressure."""
-        return FlightProfile(self.instants, self._reached)
+        return FlightProfile(self.instants, self._profile_values)
 
-    def _reached(self, t: Floats) -> Floats:
+    def _profile_values(self, t: Floats) -> Floats:
         """Return altitude (m), speed (m/s, relative to the Earth) and dynamic pressure (Pa) at t (n,) s, (3, n)."""
         true = motion(self, t)
         height = frames.geodetic_from_ecef(true.r_i)[2]  # the same in frame i: it turns about the ellipsoid's axis
@@ -138,15 +138,21 @@ class Trajectory:
         return np.stack([height, speed, dynamic_pressure])
 
 
-def splined(
-    name: str, t: Floats, r: Floats, v_ends: ArrayLike, a_ends: ArrayLike, attitude: BSpline, spin: PPoly | None = None
+def spline_phase(
+    name: str,
+    t: Floats,
+    r: Floats,
+    v_ends: ArrayLike,
+    a_ends: ArrayLike,
+    attitude: BSpline,
+    roll_angle: PPoly | None = None,
 ) -> Phase:
-    """Return the phase through positions r (n, 3) m at t (n,) s; attitude and spin as in `Phase`.
+    """Return the phase through positions r (n, 3) m at t (n,) s; attitude and roll_angle as in `Phase`.
 
     v_ends, a_ends : (2, 3) m/s, m/s^2, frame i. Velocity and acceleration at both ends.
     """
     position = position_spline(t, r, v_ends, a_ends)
-    return Phase(name, float(t[0]), float(t[-1]), position, attitude, spin)
+    return Phase(name, float(t[0]), float(t[-1]), position, attitude, roll_angle)
 
 
 def pad_times(start: float, hold: float, step: float = PAD_STEP) -> Floats:
@@ -161,7 +167,7 @@ def pad_phase(
     start: float,
     hold: float,
     attitude: BSpline,
-    spin: PPoly | None = None,
+    roll_angle: PPoly | None = None,
     v_end: Floats | None = None,
 ) -> tuple[Phase, ...]:
     """Return the phase at rest on the pad, in a tuple; an empty tuple without a hold.
@@ -169,7 +175,7 @@ def pad_phase(
     r_e : (3,) m, frame e. Position on the pad.
     theta0 : rad. Earth angle at lift-off.
     start, hold : s. End of the phase (since lift-off) and its length.
-    attitude, spin : As in `Phase`.
+    attitude, roll_angle : As in `Phase`.
     v_end : (3,) m/s, frame i. Velocity at the end, that of the next phase; None: that of the rotating Earth.
     """
     if hold <= 0.0:
@@ -179,7 +185,7 @@ def pad_phase(
     v = np.cross([0.0, 0.0, OMEGA], r[[0, -1]])
     a = np.cross([0.0, 0.0, OMEGA], v)
     v[1] = v[1] if v_end is None else v_end
-    return (splined("pad", t, r, v, a, attitude, spin),)
+    return (spline_phase("pad", t, r, v, a, attitude, roll_angle),)
 
 
 def position_spline(t: Floats, r: Floats, v_ends: ArrayLike, a_ends: ArrayLike) -> BSpline:
@@ -196,8 +202,8 @@ def position_spline(t: Floats, r: Floats, v_ends: ArrayLike, a_ends: ArrayLike) 
 
 def join_samples(samples: Sequence[Floats]) -> Floats:
     """Return the samples of successive phases as one array, with the common sample of two phases only once."""
-    without_last = [values[:-1] for values in samples[:-1]]
-    return np.concatenate([*without_last, samples[-1]])
+    leading_samples = [values[:-1] for values in samples[:-1]]
+    return np.concatenate([*leading_samples, samples[-1]])
 
 
 def attitude_spline(t: Floats, q: Floats) -> BSpline:
@@ -251,15 +257,15 @@ def _phase_motion(phase: Phase, t: Floats) -> Motion:
 
 def _mean_rotation(phase: Phase, t: Floats) -> tuple[Floats, Floats]:
     """Return quaternion (n, 4) and body rate (n, 3) at times t (n,) of the body without its oscillations."""
-    spline = phase.attitude(t)
-    length = np.linalg.norm(spline, axis=1, keepdims=True)
-    q = spline / length
+    quaternion = phase.attitude(t)
+    length = np.linalg.norm(quaternion, axis=1, keepdims=True)
+    q = quaternion / length
     rate = quaternion_rate(q, phase.attitude(t, 1) / length)
-    if phase.spin is None:
+    if phase.roll_angle is None:
         return q, rate
-    roll = rotation_quaternions(np.outer(phase.spin(t), [1.0, 0.0, 0.0]))
+    roll = rotation_quaternions(np.outer(phase.roll_angle(t), [1.0, 0.0, 0.0]))
     rate = _to_body(frames.matrices(roll), rate)
-    rate[:, 0] += phase.spin(t, 1)
+    rate[:, 0] += phase.roll_angle(t, 1)
     return product(q, roll), rate
 
 
@@ -268,20 +274,20 @@ def _angular_acceleration(phase: Phase, t: Floats, w_ib_b: Floats) -> Floats:
 
     w_ib_b : (n, 3) rad/s. Body rate from `_mean_rotation` at the times t (n,) s.
     """
-    spline, first, second = phase.attitude(t), phase.attitude(t, 1), phase.attitude(t, 2)
-    square = np.sum(spline * spline, axis=1, keepdims=True)
+    quaternion, first, second = phase.attitude(t), phase.attitude(t, 1), phase.attitude(t, 2)
+    square = np.sum(quaternion * quaternion, axis=1, keepdims=True)
     # d/dt 2 vec(q* qdot) / |q|^2. qdot* qdot is a scalar and drops out of the vector part; the second term corrects for
     # the change of length.
-    acceleration = quaternion_rate(spline, second) / square
-    rate = quaternion_rate(spline, first) / square
-    square_slope = 2.0 * np.sum(spline * first, axis=1, keepdims=True)
+    acceleration = quaternion_rate(quaternion, second) / square
+    rate = quaternion_rate(quaternion, first) / square
+    square_slope = 2.0 * np.sum(quaternion * first, axis=1, keepdims=True)
     acceleration -= rate * (square_slope / square)
-    if phase.spin is None:
+    if phase.roll_angle is None:
         return np.asarray(acceleration)
-    roll = rotation_quaternions(np.outer(phase.spin(t), [1.0, 0.0, 0.0]))
-    roll_rate = np.outer(phase.spin(t, 1), [1.0, 0.0, 0.0])
+    roll = rotation_quaternions(np.outer(phase.roll_angle(t), [1.0, 0.0, 0.0]))
+    roll_rate = np.outer(phase.roll_angle(t, 1), [1.0, 0.0, 0.0])
     acceleration = _to_body(frames.matrices(roll), acceleration) - np.cross(roll_rate, w_ib_b)
-    acceleration[:, 0] += phase.spin(t, 2)
+    acceleration[:, 0] += phase.roll_angle(t, 2)
     return acceleration
 
 
@@ -298,8 +304,8 @@ def _oscillating_motion(phase: Phase, t: Floats, r: Floats, v: Floats) -> Motion
     C_b_i = frames.matrices(q)
     # d' + w x d, and its derivative: 2 w x d' + w x (w x d) = w x (d' + velocity)
     velocity = small.shift_rate + np.cross(w, small.shift)
-    across_rate = np.cross(w, small.shift_rate + velocity)
-    acceleration = small.shift_acceleration + across_rate + np.cross(dw, small.shift)
+    rotation_acceleration = np.cross(w, small.shift_rate + velocity)
+    acceleration = small.shift_acceleration + rotation_acceleration + np.cross(dw, small.shift)
     r = r + np.einsum("kij,kj->ki", C_b_i, small.shift)
     v = v + np.einsum("kij,kj->ki", C_b_i, velocity)
     shift_acceleration_i = np.einsum("kij,kj->ki", C_b_i, acceleration)
@@ -312,7 +318,7 @@ def _oscillating_motion(phase: Phase, t: Floats, r: Floats, v: Floats) -> Motion
     return Motion(t, r, v, q, f_b, w_ib_b)
 
 
-def oscillating(trajectory: Trajectory, oscillations: tuple[Oscillation, ...]) -> Trajectory:
+def add_oscillations(trajectory: Trajectory, oscillations: tuple[Oscillation, ...]) -> Trajectory:
     """Return the trajectory with oscillations added, its phases cut at the ends of ramps so that each is smooth."""
     if not oscillations:
         return trajectory
@@ -323,12 +329,12 @@ def oscillating(trajectory: Trajectory, oscillations: tuple[Oscillation, ...]) -
     for phase in trajectory.phases:
         cuts = [time for time in sorted(ramp_ends) if phase.start < time < phase.end]
         for start, end in pairwise([phase.start, *cuts, phase.end]):
-            active = tuple(shake for shake in oscillations if shake.start < end and start < shake.end)
-            phases.append(phase._replace(start=start, end=end, oscillations=active))
+            active_oscillations = tuple(shake for shake in oscillations if shake.start < end and start < shake.end)
+            phases.append(phase._replace(start=start, end=end, oscillations=active_oscillations))
     return replace(trajectory, phases=tuple(phases))
 
 
-def without_oscillations(trajectory: Trajectory) -> Trajectory:
+def remove_oscillations(trajectory: Trajectory) -> Trajectory:
     """Return the trajectory without its oscillations."""
     return replace(trajectory, phases=tuple(phase._replace(oscillations=()) for phase in trajectory.phases))
 
@@ -341,15 +347,15 @@ def reference(trajectory: Trajectory, rate: float) -> Reference:
     oscillates. The remainder of the trajectory after the last whole interval is omitted.
     """
     start, end = trajectory.start, trajectory.end
-    n_imu = math.floor((end - start) * rate + 1e-6)
-    t = np.minimum(start + np.arange(n_imu + 1) / rate, end)
-    dtheta, dvel = np.zeros((n_imu, 3)), np.zeros((n_imu, 3))
+    n_tick = math.floor((end - start) * rate + 1e-6)
+    t = np.minimum(start + np.arange(n_tick + 1) / rate, end)
+    dtheta, dvel = np.zeros((n_tick, 3)), np.zeros((n_tick, 3))
     for phase in trajectory.phases:
         piece_begin = np.maximum(t[:-1], phase.start)
         piece_end = np.minimum(t[1:], phase.end)
-        (within,) = np.nonzero(piece_end - piece_begin > _SLIVER)  # intervals that overlap the phase, contiguous
-        if within.size:
-            ticks = slice(within[0], within[-1] + 1)
+        (overlap,) = np.nonzero(piece_end - piece_begin > _SLIVER)  # intervals that overlap the phase, contiguous
+        if overlap.size:
+            ticks = slice(overlap[0], overlap[-1] + 1)
             _add_integrals(phase, piece_begin[ticks], piece_end[ticks], dtheta[ticks], dvel[ticks])
     return Reference(t, *motion(trajectory, t)[1:], dtheta, dvel)
 
@@ -376,10 +382,10 @@ def _add_integrals(phase: Phase, begin: Floats, end: Floats, dtheta: Floats, dve
 def _highest_frequency(phase: Phase) -> float:
     """Return the highest angular frequency (rad/s) of force and rate in a phase, second harmonics included."""
     spin = 0.0
-    if phase.spin is not None:
-        is_inside = (phase.start < phase.spin.x) & (phase.spin.x < phase.end)
-        times = np.concatenate([[phase.start], phase.spin.x[is_inside], [phase.end]])
-        rates = phase.spin(times, 1)
+    if phase.roll_angle is not None:
+        is_inside = (phase.start < phase.roll_angle.x) & (phase.roll_angle.x < phase.end)
+        times = np.concatenate([[phase.start], phase.roll_angle.x[is_inside], [phase.end]])
+        rates = phase.roll_angle(times, 1)
         spin = float(np.max(np.abs(rates)))
     oscillation = max((float(np.max(shake.omega)) for shake in phase.oscillations), default=0.0)
     return spin + 2.0 * oscillation

@@ -62,7 +62,7 @@ def test_what_is_merged_is_not_flown_again(tmp_path: Path, monkeypatch: pytest.M
     def refuse(*_: object) -> None:
         raise AssertionError("flown again")
 
-    monkeypatch.setattr("lvnav_trade.campaign.running.work.fly", refuse)
+    monkeypatch.setattr("lvnav_trade.campaign.running.work.simulate_block", refuse)
     assert clusters.merge(tmp_path, tmp_path / "out", jobs=1, report=False).failures == []
 
 
@@ -78,7 +78,7 @@ class Kills(Progress):
     def __init__(self, pid: int) -> None:
         self.pid, self.is_flying, self.is_done = pid, False, False
 
-    def stage(self, name: str, total: int, alike: bool = True) -> None:
+    def stage(self, name: str, total: int, is_uniform: bool = True) -> None:
         self.is_flying = name == "runs"
 
     def advance(self, count: int) -> None:

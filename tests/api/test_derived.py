@@ -27,6 +27,6 @@ def test_a_campaign_is_written_around_a_flight(tmp_path):
     found = api.init(tmp_path / "mine", flight)
     assert found.campaign.is_file()
     assert found.card.is_file()
-    assert {"time", "position"} <= {one.part for one in found.guesses}
+    assert {"time", "position"} <= {one.field for one in found.guesses}
     with pytest.raises(InputError):
         api.init(tmp_path / "mine", flight)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pandas as pd
 import pytest
 
-from lvnav_trade.api.display import MOST_ROWS, DisplayContent, Displayed, html_of, text_of
+from lvnav_trade.api.display import MOST_ROWS, DisplayBase, DisplayContent, html_of, text_of
 
 
 def test_html_has_title_lines_and_tables_as_text():
@@ -35,11 +35,11 @@ def test_a_long_table_is_cut_and_counted(form):
 
 
 def test_a_result_says_what_it_shows():
-    class One(Displayed):
-        def _shown(self):
+    class One(DisplayBase):
+        def _display_content(self):
             return DisplayContent("One")
 
     assert One()._repr_html_() == "<h4>One</h4>"
     assert str(One()) == "One"
     with pytest.raises(NotImplementedError):
-        str(Displayed())
+        str(DisplayBase())

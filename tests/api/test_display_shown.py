@@ -21,7 +21,7 @@ def test_a_status_counts_runs_and_names_what_is_damaged():
     assert "40 of 80 runs are stored, 1 failed" in page
     assert "runs.parquet: cut" in page
     assert "base" in page
-    assert found.stored == 40
+    assert found.stored_runs == 40
 
 
 def test_an_exported_flight_shows_events_and_difference():
@@ -32,7 +32,7 @@ def test_an_exported_flight_shows_events_and_difference():
 
 
 def test_a_first_campaign_shows_its_guesses():
-    guess = SimpleNamespace(part="time", content="t_s", why="its name")
+    guess = SimpleNamespace(field="time", content="t_s", reason="its name")
     found = api.StartedCampaign(Path("a.yaml"), Path("card.yaml"), (guess,), {})
     assert "its name" in found._repr_html_()
 

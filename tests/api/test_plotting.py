@@ -6,7 +6,7 @@ import inspect
 
 import pytest
 
-from lvnav_trade.api.plotting import Plots, case_named
+from lvnav_trade.api.plotting import Plots, case_digest
 from lvnav_trade.api.results import Results
 from lvnav_trade.quantities.errors import InputError
 from lvnav_trade.report.figures import PLOTS
@@ -62,8 +62,8 @@ def test_a_wrong_name_is_answered_with_the_nearest(found):
 
 def test_a_case_is_found_by_label_digest_or_its_beginning(found):
     digests = list(found.tables.labels)
-    assert case_named(found.tables, None) == digests[0]
-    assert case_named(found.tables, found.tables.labels[digests[1]]) == digests[1]
-    assert case_named(found.tables, digests[1][:6]) == digests[1]
+    assert case_digest(found.tables, None) == digests[0]
+    assert case_digest(found.tables, found.tables.labels[digests[1]]) == digests[1]
+    assert case_digest(found.tables, digests[1][:6]) == digests[1]
     with pytest.raises(InputError, match="fits several cases, give more of one"):
-        case_named(found.tables, "")
+        case_digest(found.tables, "")

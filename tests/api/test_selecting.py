@@ -5,7 +5,7 @@ from __future__ import annotations
 import pandas as pd
 import pytest
 
-from lvnav_trade.api.selecting import chosen, column_named, ordered
+from lvnav_trade.api.selecting import column_named, select_rows, sort_rows
 from lvnav_trade.quantities.errors import InputError
 
 FRAME = pd.DataFrame(
@@ -36,11 +36,11 @@ FRAME = pd.DataFrame(
     ],
 )
 def test_a_condition_chooses_rows_in_the_units_that_it_is_written_in(condition: str, cases: str) -> None:
-    assert "".join(chosen(FRAME, [condition]).case) == cases
+    assert "".join(select_rows(FRAME, [condition]).case) == cases
 
 
 def test_several_conditions_all_hold() -> None:
-    assert list(chosen(FRAME, ["cost > 1", "imu == fog", "velocity > 0.1"]).case) == ["b"]
+    assert list(select_rows(FRAME, ["cost > 1", "imu == fog", "velocity > 0.1"]).case) == ["b"]
 
 
 @pytest.mark.parametrize(
@@ -60,15 +60,15 @@ def test_several_conditions_all_hold() -> None:
 )
 def test_what_is_no_condition_is_refused_in_one_line(condition: str, message: str) -> None:
     with pytest.raises(InputError) as raised:
-        chosen(FRAME, [condition])
+        select_rows(FRAME, [condition])
     assert message in str(raised.value)
     assert "\n" not in str(raised.value)
 
 
 def test_rows_are_sorted_by_columns_in_turn_and_largest_first_where_wanted() -> None:
-    assert "".join(ordered(FRAME, ["cost"]).case) == "dcba"
-    assert "".join(ordered(FRAME, ["-imu", "-cost"]).case) == "dcab"
-    assert "".join(ordered(FRAME, ["velocity"]).case) == "acbd"  # a value that is not known comes last
+    assert "".join(sort_rows(FRAME, ["cost"]).case) == "dcba"
+    assert "".join(sort_rows(FRAME, ["-imu", "-cost"]).case) == "dcab"
+    assert "".join(sort_rows(FRAME, ["velocity"]).case) == "acbd"  # a value that is not known comes last
 
 
 def test_a_name_that_several_columns_have_names_them() -> None:

@@ -110,7 +110,7 @@ def _is_annotated(function):
 
 def _is_compiled(function):
     names = {ast.unparse(one).partition("(")[0] for one in function.decorator_list}
-    return bool(names & {"jit", "inlined", "making_arrays", "overload"})
+    return bool(names & {"jit", "inline_jit", "array_jit", "overload"})
 
 
 def test_every_module_of_the_studies_has_its_test_file(root):

@@ -12,15 +12,15 @@ MADE_ONCE = {
     "flight",
     "times",
     "filtering",
-    "measured",
+    "measurements",
     "signals",
-    "received",
-    "assumed",
+    "true_signals",
+    "assumed_noise",
     "schedule",
     "model",
     "prepared",
 }
-RECORDS = ("TrueFlight", "Times", "Schedule", "CaseFilter", "TrueSignals", "Signals", "Measurements", "Prepared")
+RECORDS = ("TrueFlight", "Times", "Schedule", "CaseFilter", "TrueSignals", "Signals", "Measurements", "PreparedCase")
 OF_A_STATION = "lvnav_trade.sensors.ground_station"  # azimuth and elevation at a station on the ground
 
 

@@ -7,7 +7,7 @@ import re
 
 from ruamel.yaml import YAML
 
-from lvnav_trade.results.tables.contents import owned
+from lvnav_trade.results.tables.contents import owned_folder
 
 TEXT = {".py", ".md", ".yaml", ".yml", ".toml", ".csv", ".txt", ".html", ".j2", ".css", ".svg", ".cfg", ""}
 # Spelt in pieces, so that this file does not find itself.
@@ -98,4 +98,4 @@ def test_every_kept_report_lists_its_files(root):
     for folder in folders:
         kind = json.loads((folder / "contents.json").read_text())["kind"]
         found = {str(path.relative_to(folder)) for path in folder.rglob("*") if path.is_file()}
-        assert found - {"contents.json"} <= owned(folder, kind).names
+        assert found - {"contents.json"} <= owned_folder(folder, kind).names

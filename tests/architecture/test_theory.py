@@ -9,7 +9,7 @@ import pytest
 
 from lvnav_trade.kernels import transition
 from lvnav_trade.kernels.attitude import matrix
-from lvnav_trade.kernels.earth import gravity_gradient, height_and_up
+from lvnav_trade.kernels.earth import gravity_gradient, height_and_normal
 from lvnav_trade.kernels.strapdown import N_SUM, SUM_C, SUM_F, SUM_TH, SUM_V
 from lvnav_trade.quantities.line_of_sight import antenna
 from lvnav_trade.sensors import (
@@ -82,7 +82,7 @@ def coded() -> dict[str, tuple[Value, Rows]]:
 
     H = np.zeros((3, N_ENTRY))
     altimeter.fill(H, z, 0, np.zeros(1), NAV)
-    found["altitude, pressure altitude"] = H[:1].copy(), {"n": column(*height_and_up(*NAV[7:])[1:])}
+    found["altitude, pressure altitude"] = H[:1].copy(), {"n": column(*height_and_normal(*NAV[7:])[1:])}
 
     mounting = np.array([0.5, 0.1, -0.7, 0.5])
     mounting /= np.linalg.norm(mounting)

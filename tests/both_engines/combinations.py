@@ -16,15 +16,15 @@ import numpy as np
 from pydantic import ValidationError
 from scipy.stats import chi2
 
-from lvnav_trade.covariance.diagnostics.case_diagnostics import flown_events
+from lvnav_trade.covariance.diagnostics.case_diagnostics import flight_events
 from lvnav_trade.covariance.history import covariance, forward_tape
-from lvnav_trade.filter.policies.stored_gains import GainHistory, schedule_of
+from lvnav_trade.filter.policies.stored_gains import GainHistory, build_gain_schedule
 from lvnav_trade.quantities.errors import InputError
 from lvnav_trade.quantities.records import CovHistory, Floats
 from lvnav_trade.quantities.state_layout import state_names
 from lvnav_trade.scenario.scenario import Scenario
 from lvnav_trade.simulation.montecarlo import run_block
-from lvnav_trade.simulation.preparation.prepare import Prepared
+from lvnav_trade.simulation.preparation.prepare import PreparedCase
 from tests.both_engines.covering import (
     DIFFERENCES,
     DIMENSIONS,
@@ -107,9 +107,9 @@ def scenario_of(case: Case) -> tuple[Scenario, str, bool]:
         kind = FROM_PAD + kind
     found = SENSORS | {name: {"kind": name} for name in DIFFERENCES}
     found |= {name: {"name": name, "source": "test"} | card for name, card in ON_PAD.items()}
-    late = lateness(case)
+    delays = lateness(case)
     fields["sensors"] = {
-        name: card | (late if name in SENSORS else {}) for name, card in found.items() if name in listed
+        name: card | (delays if name in SENSORS else {}) for name, card in found.items() if name in listed
     }
     if fields.pop("sensor states", False):
         fields["filter.extra_states"] = [state for name in listed for state in _STATES.get(name, ())]
@@ -168,12 +168,12 @@ def evaluate(case: Case, runs: int = RUNS) -> Verdict:
         scenario, kind, stored = scenario_of(case)
         if stored:
             scenario = with_stored_gains(case, scenario)
-        prepared = prepare_hop(scenario, flight(kind))
+        prepared_case = prepare_hop(scenario, flight(kind))
     except ValidationError as error:
         return Verdict(refused=str(error.errors()[0]["msg"]).removeprefix("Value error, "))
     except InputError as error:
         return Verdict(refused=str(error))
-    return compare(prepared, runs)._replace(seconds=time.perf_counter() - start)
+    return compare(prepared_case, runs)._replace(seconds=time.perf_counter() - start)
 
 
 def with_stored_gains(case: Case, scenario: Scenario) -> Scenario:
@@ -182,44 +182,44 @@ def with_stored_gains(case: Case, scenario: Scenario) -> Scenario:
     A filter that starts late needs gains of a late start: the first ones, taken later, turn the attitude by 8 deg.
     """
     start = "at once" if case["start"] == "from GNSS" else case["start"]
-    late = (
+    delays = (
         case["latency"] if case["measurements"] in PHASES else "none"
     )  # it decides at which epoch a phase begins anew
     plain, kind, _ = scenario_of(
-        case | {"receiver": "direct", "latency": late, "start": start, "algorithm": "extended", "integrity": "none"}
+        case | {"receiver": "direct", "latency": delays, "start": start, "algorithm": "extended", "integrity": "none"}
     )
-    prepared = prepare_hop(plain, flight(kind))
-    tape = forward_tape(prepared)
-    used, n, names = int(tape.used[0]), prepared.layout.n_state, prepared.channels.names
-    gains = np.zeros((prepared.t_epoch.size, len(names), n))
+    prepared_case = prepare_hop(plain, flight(kind))
+    tape = forward_tape(prepared_case)
+    used, n, names = int(tape.n_recorded[0]), prepared_case.layout.n_state, prepared_case.channels.names
+    gains = np.zeros((prepared_case.t_epoch.size, len(names), n))
     gains[tape.epoch[:used], tape.channel[:used]] = tape.gain[:used, :n]
     taken = np.unique(tape.channel[:used])
     if not taken.size:
         raise InputError("filter.gains: the filter has no measurement that a gain could be for")
     flown = GainHistory(
-        states=state_names(prepared.layout),
+        states=state_names(prepared_case.layout),
         measurements=[names[k] for k in taken],
-        t=prepared.t_epoch,
+        t=prepared_case.t_epoch,
         gains=gains[:, taken],
     )
-    schedule = schedule_of("stored", "test", "time", flown, flown_events(prepared), tolerance=1e-6)
+    schedule = build_gain_schedule("stored", "test", "time", flown, flight_events(prepared_case), tolerance=1e-6)
     return with_fields(scenario, **{"filter.gains": schedule.model_dump(mode="json")})
 
 
-def compare(prepared: Prepared, runs: int) -> Verdict:
+def compare(prepared_case: PreparedCase, runs: int) -> Verdict:
     """Compare the RMS of the runs with linear covariance.
 
     Linear covariance decides on mean innovations and therefore has no false alarms. If the engines differ, runs with a
     false alarm are left out, unless they are more than `MOST_FALSE_ALARMS` of all runs.
     """
-    history = covariance(prepared)
-    block = run_block(prepared, SEED, 0, runs)
-    verdict = compare_errors(prepared, history, block.err)
+    history = covariance(prepared_case)
+    block = run_block(prepared_case, SEED, 0, runs)
+    verdict = compare_errors(prepared_case, history, block.err)
     alarms = false_alarms(block.decisions, history.decisions)
     if verdict.agrees or not 0 < len(alarms) <= MOST_FALSE_ALARMS * runs:
         return verdict
     without = np.delete(block.err, alarms, axis=0)
-    return compare_errors(prepared, history, without)._replace(false_alarms=len(alarms))
+    return compare_errors(prepared_case, history, without)._replace(false_alarms=len(alarms))
 
 
 def false_alarms(decisions: Floats, expected: Floats) -> list[int]:
@@ -231,7 +231,7 @@ def false_alarms(decisions: Floats, expected: Floats) -> list[int]:
     return sorted({int(run) for run, _, kind, code in decisions.tolist() if (kind, code) not in made})
 
 
-def compare_errors(prepared: Prepared, history: CovHistory, errors: Floats) -> Verdict:
+def compare_errors(prepared_case: PreparedCase, history: CovHistory, errors: Floats) -> Verdict:
     """Compare the RMS of errors, (n_run, n_history, n_output), with linear covariance."""
     runs = len(errors)
     at = [int(np.argmin(np.abs(history.t - t))) for t in TIMES]
@@ -243,7 +243,7 @@ def compare_errors(prepared: Prepared, history: CovHistory, errors: Floats) -> V
     bounds = np.sqrt(chi2.ppf([0.5 * LEVEL / ratio.size, 1.0 - 0.5 * LEVEL / ratio.size], runs) / runs)
     off = np.maximum(ratio / bounds[1], bounds[0] / np.maximum(ratio, 1e-30))
     k, column = np.unravel_index(int(np.argmax(off)), off.shape)
-    output = prepared.outputs[int(column)]
+    output = prepared_case.outputs[int(column)]
     worst = f"{output.quantity} {output.axis} at {TIMES[int(k)]:g} s: {ratio[k, column]:.3f}"
     return Verdict("", float(ratio.min()), float(ratio.max()), (float(bounds[0]), float(bounds[1])), worst)
 

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from lvnav_trade.filter.card import FilterCard
-from lvnav_trade.scenario.rules import refused
+from lvnav_trade.scenario.rules import first_refusal
 from tests.building import UNLIKE
 
 REFERENCE = {"kind": "attitude_reference", "name": "reference", "source": "test", "sigma": "5 mrad"}
@@ -254,7 +254,7 @@ _RULED = (
 @functools.cache
 def _refusal(*levels: str) -> str:
     fields = fields_of(_FIRST | dict(zip(_RULED, levels, strict=True)))
-    listed, late = fields["filter.measurements"], fields.get("filter.delay_compensation")
+    listed, delays = fields["filter.measurements"], fields.get("filter.delay_compensation")
     stated = {path.removeprefix("filter."): value for path, value in fields.items() if path.startswith("filter.")}
     ratio = SimpleNamespace(ratio=stated.pop("strapdown", {"ratio": 1})["ratio"])
     rates = {"covariance_rate": 10.0, "transition_rate": 2.0 if stated.pop("transition_rate", None) else None}
@@ -266,12 +266,14 @@ def _refusal(*levels: str) -> str:
     card = SimpleNamespace(
         measurements=listed, **_what_is_measured(listed), init=fields.get("filter.init", "from_card"),
         logic=fields.get("filter.logic"), gains=fields.get("gains"), extra_states=["standing_attitude"], consider=[],
-        delay_compensation=None if late is None else SimpleNamespace(**late),
+        delay_compensation=None if delays is None else SimpleNamespace(**delays),
         sensor_models=SimpleNamespace(**dict.fromkeys((*SENSORS, *DIFFERENCES), "matched")),
     )  # fmt: skip
     latency = 1.0 if lateness({"latency": levels[_RULED.index("latency")]}) else 0.0
     sensors = {
-        name: SimpleNamespace(measurement=name, latency=latency, at_once=False) for name in SENSORS if name in listed
+        name: SimpleNamespace(measurement=name, latency=latency, has_no_latency=False)
+        for name in SENSORS
+        if name in listed
     }
     exact = SimpleNamespace(quantisation=0.0)
     trajectory = SimpleNamespace(kind="vehicle", pad_hold=60.0)
@@ -285,11 +287,11 @@ def _refusal(*levels: str) -> str:
         else units[0]
     )
     sensors |= {
-        name: SimpleNamespace(measurement=name, units=(1, 2), at_once=True, latency=0.0)
+        name: SimpleNamespace(measurement=name, units=(1, 2), has_no_latency=True, latency=0.0)
         for name in listed
         if name in DIFFERENCES
     }
-    found_one = refused(
+    found_one = first_refusal(
         SimpleNamespace(filter=card, imu=imu, control=None, sensors=sensors, faults=(), trajectory=trajectory)
     )
     return "" if found_one is None else f"{found_one.path}: {found_one.reason}"
@@ -297,7 +299,7 @@ def _refusal(*levels: str) -> str:
 
 def _what_is_measured(listed: list[str]) -> dict[str, bool]:
     return {
-        "aided": bool(listed), "models_vehicle": "imu" in listed, "tight": bool(OBSERVABLES & set(listed)),
+        "is_aided": bool(listed), "models_vehicle": "imu" in listed, "tight": bool(OBSERVABLES & set(listed)),
         "loose": "position" in listed,
     }  # fmt: skip
 

@@ -11,7 +11,7 @@ from lvnav_trade.quantities.records import Floats
 from lvnav_trade.trajectory.attitude_algebra import body_axes
 from lvnav_trade.trajectory.disturbances import OscillationCard, oscillations
 from lvnav_trade.trajectory.flight import Phase, Trajectory
-from lvnav_trade.trajectory.truth import attitude_spline, oscillating, pad_phase, pad_times, position_spline
+from lvnav_trade.trajectory.truth import add_oscillations, attitude_spline, pad_phase, pad_times, position_spline
 from tests.building import SITE_R, SITE_V, fly
 
 FROM_PAD = "from the pad, "
@@ -66,7 +66,7 @@ def _from_pad(kind: str) -> Trajectory:
         return nominal
     sway = {"frequency": "0.5 Hz", "axis": "y", "angle": "0.3 mrad", "lever": ["20 m", "0 m", "0 m"], "damping": 0.05}
     card = OscillationCard.model_validate({"start": "0 s", "end": "liftoff", "modes": [sway]})
-    return oscillating(nominal, oscillations([card], events, (0.0, 60.0)))
+    return add_oscillations(nominal, oscillations([card], events, (0.0, 60.0)))
 
 
 def _attitude(kind: str, t: Floats) -> Floats:

@@ -6,7 +6,7 @@ from dataclasses import replace
 from functools import lru_cache
 from typing import Any
 
-from lvnav_trade.simulation.preparation.prepare import Prepared
+from lvnav_trade.simulation.preparation.prepare import PreparedCase
 from lvnav_trade.trajectory.flight import Trajectory
 from tests.building import hop, loaded, prepare_hop, with_fields
 
@@ -29,7 +29,7 @@ def named() -> Trajectory:
 
 
 @lru_cache(maxsize=16)
-def modelled(filter_card: str = MODEL, unit: str = PUBLISHED, **fields: Any) -> Prepared:
+def modelled(filter_card: str = MODEL, unit: str = PUBLISHED, **fields: Any) -> PreparedCase:
     """Return the short flight prepared with a filter and a unit; fields of the scenario replaced."""
     scenario = loaded(*SETTINGS, unit, filter_card)
     if fields:

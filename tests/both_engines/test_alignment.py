@@ -17,7 +17,7 @@ from lvnav_trade.kernels.transition import GYRO
 from lvnav_trade.quantities.errors import InputError
 from lvnav_trade.simulation.montecarlo import run_block
 from tests.building import prepare_hop, with_fields
-from tests.standing import STILL, aligned, pad, prepared
+from tests.standing import STILL, aligned, pad, prepared_case
 
 DEG, G = np.pi / 180.0, 9.80665
 ANDOYA = 69.29
@@ -30,7 +30,7 @@ FINE = {"sensors.zero_velocity.sigma": "0.05 mm/s", "sensors.zero_velocity.jitte
 
 def at_liftoff(scenario, latitude=0.0, duration=600.0):
     """Linear covariance at lift-off: one-sigma of attitude (3,) in deg, and by source."""
-    history = covariance(prepared(scenario, latitude, duration))
+    history = covariance(prepared_case(scenario, latitude, duration))
     by_source = dict(zip(history.sources, np.sqrt(np.maximum(history.budget[-1, :, :3], 0.0)) / DEG, strict=True))
     return history.true_sigma[-1, :3] / DEG, by_source
 
@@ -106,7 +106,7 @@ def test_zero_rotation_tells_the_gyro_bias_along_the_earths_axis_to_its_random_w
     duration = 600.0
     unit = {**STILL, "gyro.random_walk": "0.03 deg/sqrt(h)", "gyro.bias_repeatability": "10 deg/h"}
     still = {"sensors.zero_rotation.sigma": "0.01 mrad", "sensors.zero_rotation.jitter": "0.01 mrad"}
-    p = prepared(aligned("zero_rotation", imu=unit, **still), 50.0, duration)
+    p = prepared_case(aligned("zero_rotation", imu=unit, **still), 50.0, duration)
     history = covariance(p)
     at = next(block.offset for block in p.layout.parameters if block.sensor == GYRO)
     # body axes: x up, y east, z north
@@ -117,10 +117,10 @@ def test_zero_rotation_tells_the_gyro_bias_along_the_earths_axis_to_its_random_w
 
 def test_a_known_position_is_known_to_its_survey_and_its_averaged_jitter():
     known = aligned("zero_velocity", "pad_position", imu=STILL, **FINE, **{"sensors.pad_position.survey": "5 cm"})
-    history = covariance(prepared(known, 45.0, 100.0))
+    history = covariance(prepared_case(known, 45.0, 100.0))
     noise = 0.01 / 10.0
     assert history.true_sigma[-1, 6:9] == pytest.approx(np.hypot(0.05, noise), rel=5e-3)
-    assert history.formal[-1, 6:9] == pytest.approx(noise, rel=5e-2)
+    assert history.formal_sigma[-1, 6:9] == pytest.approx(noise, rel=5e-2)
 
 
 SWAY = json.dumps({"start": "start", "end": "liftoff", "ramp": "2 s", "modes": [
@@ -144,7 +144,7 @@ def test_a_sway_that_is_taken_for_none_is_the_same_error_in_both_engines(sensors
         exact["filter.sensor_models"] = {
             "azimuth": {"sigma": "20 arcsec"}, "zero_rotation": {"sigma": "0.5 mrad", "attitude": "1 deg"}
         }  # fmt: skip
-    p = prepared(aligned(*sensors, imu=STILL, **exact, **known), -38.6, 120.0, SWAY)
+    p = prepared_case(aligned(*sensors, imu=STILL, **exact, **known), -38.6, 120.0, SWAY)
     history, block = covariance(p), run_block(p, 1, 0, 1)
     late = history.t > -90.0
     for first, size in ((0, 1e-8), (3, 1e-5), (6, 1e-5)):
@@ -157,7 +157,7 @@ def test_a_sway_that_is_taken_for_none_is_the_same_error_in_both_engines(sensors
 
 @pytest.mark.parametrize("sensors", [("zero_velocity",), EVERY], ids=" ".join)
 def test_both_engines_agree_at_lift_off(sensors):
-    p = prepared(aligned(*sensors), -38.6, 120.0, SWAY)
+    p = prepared_case(aligned(*sensors), -38.6, 120.0, SWAY)
     runs = 64
     history, block = covariance(p), run_block(p, 20261122, 0, runs)
     expected = np.hypot(history.true_sigma, history.mean)[-1]
@@ -178,17 +178,17 @@ def test_a_filter_that_assumes_no_more_than_the_sway_believes_that_the_sway_tell
     speed, sigma = np.sqrt(2.0) * angle * arm * 2.0 * np.pi * rate, 0.03
     unit = {**STILL, "gyro.bias_repeatability": "5 deg/h"}  # so that the Earth's rate tells nothing
     assumed = {"sensors.zero_velocity.sigma": f"{sigma} m/s", "sensors.zero_velocity.jitter": "0 m/s"}
-    p = prepared(aligned("zero_velocity", imu=unit, **assumed), 45.0, duration, sway)
+    p = prepared_case(aligned("zero_velocity", imu=unit, **assumed), 45.0, duration, sway)
     history, block = covariance(p), run_block(p, 3, 0, 32)
     seeming = sigma / (speed * np.sqrt(duration)) / DEG
-    assert history.formal[-1, ROLL] / DEG == pytest.approx(joined(4.0, seeming), rel=0.15)
+    assert history.formal_sigma[-1, ROLL] / DEG == pytest.approx(joined(4.0, seeming), rel=0.15)
     rms = np.sqrt(np.mean(block.err[:, -1, ROLL] ** 2)) / DEG
     assert rms > 1.5 * joined(4.0, seeming)
 
 
 def test_the_sensors_of_the_pad_end_with_it():
-    p = prepared(aligned("zero_velocity"), 45.0, 30.0)
-    assert p.devices[0].on.all()
+    p = prepared_case(aligned("zero_velocity"), 45.0, 30.0)
+    assert p.devices[0].is_measuring.all()
 
 
 def test_a_sensor_of_the_pad_in_a_flight_that_never_stands_is_an_input_error():
@@ -209,7 +209,7 @@ def test_zero_rotation_needs_the_attitude_that_stays_as_a_state():
 
 def test_a_vehicle_stands_where_it_stands_although_it_sways():
     swaying, still = (prepare_hop(aligned("pad_position"), pad(45.0, 60.0, sway)) for sway in (SWAY, ""))
-    assert swaying.devices[0].on.all()
+    assert swaying.devices[0].is_measuring.all()
     np.testing.assert_allclose(swaying.devices[0].truth, still.devices[0].truth, atol=1e-6)
     moved = np.abs(swaying.reference.r_i - still.reference.r_i).max()
     assert moved > 2e-3

@@ -77,9 +77,9 @@ def test_a_false_alarm_is_a_decision_that_linear_covariance_does_not_make():
 @pytest.mark.parametrize("levels", [{"receiver": "point"}, {"receiver": "filtered"}, {"latency": "extrapolated"}])
 def test_a_sensor_keeps_its_variance_beside_a_solution_with_a_covariance(levels):
     scenario, kind, _ = scenario_of(FIRST | {"measurements": "solution, attitude"} | levels)
-    prepared = prepare_hop(scenario, flight(kind))
-    variance = prepared.signals.variance[:, : prepared.channels.n_channel]
-    assert variance.shape == (prepared.t_epoch.size, 9)
+    prepared_case = prepare_hop(scenario, flight(kind))
+    variance = prepared_case.signals.variance[:, : prepared_case.channels.n_channel]
+    assert variance.shape == (prepared_case.t_epoch.size, 9)
     assert variance[:, 6:] == pytest.approx(5e-3**2)
     assert np.all(variance[:, :6] > 1e-4)
 

@@ -48,8 +48,8 @@ def base() -> Scenario:
 
 def of_scenario(trajectory: Trajectory | None = None, **parts: Any) -> str:
     """Digest of a prepared short flight of the scenario with other cards."""
-    prepared = prepare_hop(base().model_copy(update=parts), trajectory)
-    return digest(*(part for name, part in prepared._asdict().items() if name not in {"scenario", "trajectory"}))
+    prepared_case = prepare_hop(base().model_copy(update=parts), trajectory)
+    return digest(*(part for name, part in prepared_case._asdict().items() if name not in {"scenario", "trajectory"}))
 
 
 def flown(card: TrajectoryCard) -> str:

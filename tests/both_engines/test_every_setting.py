@@ -17,7 +17,7 @@ from ruamel.yaml import YAML
 from lvnav_trade.gnss.fault_cards import AnyFault
 from lvnav_trade.quantities.errors import InputError
 from lvnav_trade.scenario.scenario import Scenario
-from lvnav_trade.sensors.family import SENSORS, kind_of
+from lvnav_trade.sensors.family import SENSORS, card_kind
 from tests.building import ROOT, loaded, prepare_hop, shipped_sensors, with_fields
 from tests.walking import LABELS, digest, others
 
@@ -89,7 +89,7 @@ def base() -> Scenario:
     return loaded()
 
 
-def prepared(**fields: Any) -> str:
+def prepared_case(**fields: Any) -> str:
     found = prepare_hop(with_fields(base(), **fields))
     return digest(*(part for name, part in found._asdict().items() if name not in {"scenario", "trajectory"}))
 
@@ -115,15 +115,15 @@ def test_every_kind_of_fault_is_walked_here_or_elsewhere() -> None:
 @pytest.mark.parametrize("kind", FAULTS)
 def test_every_field_of_a_fault_changes_what_is_computed(kind: str) -> None:
     stated = KINDS[kind].model_validate({"kind": kind, **FAULTS[kind]}).model_dump(mode="json")
-    without, itself = prepared(), prepared(faults=[{"kind": kind, **FAULTS[kind]}])
+    without, itself = prepared_case(), prepared_case(faults=[{"kind": kind, **FAULTS[kind]}])
     assert itself != without
     for name in FAULTS[kind]:
-        assert acts(lambda other: prepared(faults=[{"kind": kind, **FAULTS[kind], **other}]), name, stated, itself), (
-            name
-        )
+        assert acts(
+            lambda other: prepared_case(faults=[{"kind": kind, **FAULTS[kind], **other}]), name, stated, itself
+        ), name
 
 
-SENSOR_KINDS = {kind_of(card): card for card in SENSORS}
+SENSOR_KINDS = {card_kind(card): card for card in SENSORS}
 
 
 def test_what_is_walked_here_or_elsewhere_are_sensors() -> None:
@@ -138,7 +138,9 @@ def test_every_field_of_a_sensor_changes_what_is_computed(kind: str) -> None:
 
     def of(**more: Any) -> str:
         measurements = ["pseudorange", card.measurement]
-        return prepared(**{"sensors": {"s": {"kind": kind, **stated, **more}}, "filter.measurements": measurements})
+        return prepared_case(
+            **{"sensors": {"s": {"kind": kind, **stated, **more}}, "filter.measurements": measurements}
+        )
 
     itself = of()
     for name in stated.keys() - {"name", "source"}:

@@ -49,9 +49,9 @@ def flown(fault, *settings):
 @pytest.mark.parametrize("settings", [(), (LOOSE,)], ids=["tight", "loose"])
 @pytest.mark.parametrize("fault", FAULTS)
 def test_monte_carlo_and_linear_covariance_agree_on_it(fault, settings):
-    prepared = flown(fault, *settings)
-    history, block = covariance(prepared), run_block(prepared, 3, 0, RUNS)
-    at = [int(np.argmin(np.abs(prepared.t_hist - t))) for t in (11.0, 13.0, 16.0, 20.0, 30.0)]
+    prepared_case = flown(fault, *settings)
+    history, block = covariance(prepared_case), run_block(prepared_case, 3, 0, RUNS)
+    at = [int(np.argmin(np.abs(prepared_case.t_hist - t))) for t in (11.0, 13.0, 16.0, 20.0, 30.0)]
     size = history.true_sigma[at, :9]
     # a mean of many sigmas has its own sampling error, and 1 % of it is not linear
     off = np.abs(block.err[:, at, :9].mean(axis=0) - history.mean[at, :9])
@@ -73,10 +73,10 @@ def test_it_changes_nothing_before_it_begins(fault):
 def test_the_output_is_clipped_at_full_scale_in_both_engines():
     """Closed form: a specific force f along x, clipped at c, leaves f - c; the rest is within the range."""
     scenario = with_fields(loaded(MATCHED, "base.filter=filters/inertial"), **{"imu.accel.full_scale": "29.5 m/s^2"})
-    prepared = prepare_hop(scenario)
-    history, block = covariance(prepared), run_block(prepared, 3, 0, 80)
+    prepared_case = prepare_hop(scenario)
+    history, block = covariance(prepared_case), run_block(prepared_case, 3, 0, 80)
     at = int(np.argmin(np.abs(block.t - 10.0)))
-    wanted = np.linalg.norm(prepared.reference.dvel[:2000] - prepared.unit.dvel[:2000], axis=1).sum()
+    wanted = np.linalg.norm(prepared_case.reference.dvel[:2000] - prepared_case.unit.dvel[:2000], axis=1).sum()
     speed = np.linalg.norm(history.mean[at, 3:6])
     assert speed == pytest.approx(wanted, rel=2e-3)  # the body turns by 10 deg, along its x axis as the force
     assert 3.0 < speed < 5.1
@@ -88,21 +88,21 @@ def test_the_output_is_clipped_at_full_scale_in_both_engines():
 @pytest.mark.parametrize(("kind", "state", "own"), [("accel", slice(3, 6), "dvel"), ("gyro", slice(0, 3), "dtheta")])
 def test_unaided_a_step_of_scale_factor_errs_by_its_share_of_what_is_sensed(kind, state, own):
     fault = {"kind": f"{kind}_scale_factor_step", "size": ["1000 ppm"] * 3, "start": "5 s", "duration": "20 s"}
-    prepared = prepare_hop(with_fields(loaded(MATCHED, "base.filter=filters/inertial"), faults=[fault]))
-    history = covariance(prepared)
+    prepared_case = prepare_hop(with_fields(loaded(MATCHED, "base.filter=filters/inertial"), faults=[fault]))
+    history = covariance(prepared_case)
     at = int(np.argmin(np.abs(history.t - 9.0)))
-    sensed = getattr(prepared.reference, own)[1000:1800]  # 5 s to 9 s at 200 Hz, body axes
+    sensed = getattr(prepared_case.reference, own)[1000:1800]  # 5 s to 9 s at 200 Hz, body axes
     wanted = 1e-3 * np.linalg.norm(sensed.sum(axis=0))
     assert np.linalg.norm(history.mean[at, state]) == pytest.approx(wanted, rel=5e-3)
 
 
 def test_a_frozen_output_holds_the_satellites_and_pulls_the_estimate_behind():
     scenario = with_fields(loaded(MATCHED), faults=[{"kind": "frozen_output", "start": "12 s", "duration": "4 s"}])
-    prepared = prepare_hop(scenario)
-    held = np.flatnonzero(prepared.signals.frozen)
-    assert prepared.t_epoch[held].tolist() == [12.0, 13.0, 14.0, 15.0]
-    assert np.all(prepared.signals.used[held] == prepared.signals.used[held[0] - 1])
-    history, block = covariance(prepared), run_block(prepared, 3, 0, 80)
+    prepared_case = prepare_hop(scenario)
+    held = np.flatnonzero(prepared_case.signals.is_frozen)
+    assert prepared_case.t_epoch[held].tolist() == [12.0, 13.0, 14.0, 15.0]
+    assert np.all(prepared_case.signals.satellite_by_slot[held] == prepared_case.signals.satellite_by_slot[held[0] - 1])
+    history, block = covariance(prepared_case), run_block(prepared_case, 3, 0, 80)
     at = int(np.argmin(np.abs(block.t - 15.0)))
     mean = block.err[:, at, 6:9].mean(axis=0)
     assert np.linalg.norm(mean) > 1000.0  # kilometres a second, and the filter assumes what it gets
@@ -111,8 +111,8 @@ def test_a_frozen_output_holds_the_satellites_and_pulls_the_estimate_behind():
 
 def test_a_disturbance_of_gravity_has_its_line_in_the_budget():
     scenario = with_fields(loaded(MATCHED), gravity={"sigma": "3e-2 m/s^2", "time": "20 s"})
-    prepared = prepare_hop(scenario)
-    history, block = covariance(prepared), run_block(prepared, 3, 0, RUNS)
+    prepared_case = prepare_hop(scenario)
+    history, block = covariance(prepared_case), run_block(prepared_case, 3, 0, RUNS)
     line = history.budget[:, history.sources.index("gravity disturbance")]
     assert line[-1, 3:9].max() > 0.01 * history.true_sigma[-1, 3:9].max() ** 2
     ratio = block.err[:, [20, 30], 3:9].var(axis=0) / history.true_sigma[[20, 30], 3:9] ** 2

@@ -211,9 +211,18 @@ def base(coupling):
 
 def numbers(scenario):
     """Bytes of everything that the engines say about the scenario on the short flight."""
-    prepared = prepare_hop(scenario)
-    block, cov = run_block(prepared, 1, 0, 8), covariance(prepared)
-    arrays = (block.err, block.sigma, block.nees, block.innovation, cov.formal, cov.true_sigma, cov.mean, cov.budget)
+    prepared_case = prepare_hop(scenario)
+    block, cov = run_block(prepared_case, 1, 0, 8), covariance(prepared_case)
+    arrays = (
+        block.err,
+        block.sigma,
+        block.nees,
+        block.innovation,
+        cov.formal_sigma,
+        cov.true_sigma,
+        cov.mean,
+        cov.budget,
+    )
     return b"".join(np.ascontiguousarray(array).tobytes() for array in arrays)
 
 
@@ -255,6 +264,6 @@ def test_every_other_value_belongs_to_a_field():
 )
 def test_a_field_of_the_scenario_itself_changes_a_result(settings):
     scenario = base("tight")
-    prepared = prepare_hop(scenario), prepare_hop(with_fields(scenario, **settings))
-    one, two = (run_block(p, 1, 0, 8) for p in prepared)
+    prepared_case = prepare_hop(scenario), prepare_hop(with_fields(scenario, **settings))
+    one, two = (run_block(p, 1, 0, 8) for p in prepared_case)
     assert not np.array_equal(one.err, two.err) or not np.array_equal(one.failed, two.failed)

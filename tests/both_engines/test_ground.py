@@ -12,7 +12,7 @@ from lvnav_trade.covariance.history import covariance
 from lvnav_trade.quantities.frames import earth_angle, ecef_from_eci, geodetic_from_ecef, rotation_i_n
 from lvnav_trade.sensors.ground_station import StationCard
 from lvnav_trade.simulation.montecarlo import run_block
-from lvnav_trade.simulation.preparation.sensors import view_of
+from lvnav_trade.simulation.preparation.sensors import flight_view
 from tests.building import INERTIAL, MATCHED, SITE_R, flight, loaded, prepare_hop, turning, with_fields
 
 N_RUN = 200
@@ -43,15 +43,15 @@ def climbing():
 
 
 def agree(case, trajectory=None, quantities=slice(0, 9)):
-    prepared = prepare_hop(case, trajectory)
-    cov, block = covariance(prepared), run_block(prepared, 7, 0, N_RUN)
+    prepared_case = prepare_hop(case, trajectory)
+    cov, block = covariance(prepared_case), run_block(prepared_case, 7, 0, N_RUN)
     np.testing.assert_array_equal(cov.n_row, block.n_row[0])
     assert cov.n_row.max() > 0
     expected = np.hypot(cov.true_sigma[-1], cov.mean[-1])[quantities]
     ratio = np.sqrt((block.err[:, -1, quantities] ** 2).mean(axis=0)) / expected
     low, high = np.sqrt(chi2.ppf([5e-5, 1.0 - 5e-5], N_RUN) / N_RUN)
     assert np.all((low < ratio) & (ratio < high)), ratio
-    return prepared, cov
+    return prepared_case, cov
 
 
 def test_both_engines_agree_on_a_station_with_every_error_and_name_each_in_the_budget():
@@ -65,8 +65,13 @@ def test_both_engines_agree_on_two_stations_of_different_scalars_and_a_barometer
                "angle_sigma": "0 rad", "angle_bias": "0 rad", "rate": "0.5 Hz"}  # fmt: skip
     angles = {**STATION, "measures": ["azimuth", "elevation"], "range_sigma": "0 m", "range_bias": "0 m"}
     case = tracked(measurements=["pressure_altitude"], ranging=ranging, angles=angles, baro=BAROMETER)
-    prepared, cov = agree(case, climbing())
-    assert prepared.channels.names[6:] == ("ranging range", "angles azimuth", "angles elevation", "pressure_altitude")
+    prepared_case, cov = agree(case, climbing())
+    assert prepared_case.channels.names[6:] == (
+        "ranging range",
+        "angles azimuth",
+        "angles elevation",
+        "pressure_altitude",
+    )
     assert {"barometer bias", "barometer scale", "barometer port", "station survey ranging"} <= set(cov.sources)
 
 
@@ -78,21 +83,21 @@ def test_one_range_leaves_the_closed_form_along_the_line_of_sight(bias):
                "refraction": "0 percent", "range_bias": f"{bias!r} m", "range_sigma": "20 m", "from": "0.5 s",
                "until": "1.5 s"}  # fmt: skip
     case = tracked(radar=station)
-    prepared = prepare_hop(case)
-    cov = covariance(prepared)
+    prepared_case = prepare_hop(case)
+    cov = covariance(prepared_case)
     assert cov.n_row.sum() == 1
-    view = view_of(prepared.trajectory, np.array([1.0]))
-    line = StationCard.model_validate(station).look(view).partials[0, 0]
+    view = flight_view(prepared_case.trajectory, np.array([1.0]))
+    line = StationCard.model_validate(station).lines_of_sight(view).partials[0, 0]
     C_i_n = rotation_i_n(view.r_i, view.theta)[0]
     along, S, s = C_i_n @ line, math.hypot(100.0, 0.5), 20.0
     K = S**2 / (S**2 + s**2)
     at = int(np.argmin(np.abs(cov.t - 1.0)))
     for values, error in ((cov.true_sigma, (1.0 - K) ** 2 * S**2 + K**2 * (s**2 + bias**2)),
-                          (cov.formal, (1.0 - K) * S**2)):  # fmt: skip
+                          (cov.formal_sigma, (1.0 - K) * S**2)):  # fmt: skip
         expected = np.sqrt(S**2 * (1.0 - along**2) + along**2 * error)
         np.testing.assert_allclose(values[at, 6:9], expected, rtol=2e-3)
 
 
 def test_a_station_that_never_sees_the_vehicle_measures_nothing():
-    prepared = prepare_hop(tracked(radar={**STATION, "longest_range": "100 km"}))
-    assert covariance(prepared).n_row.sum() == 0
+    prepared_case = prepare_hop(tracked(radar={**STATION, "longest_range": "100 km"}))
+    assert covariance(prepared_case).n_row.sum() == 0

@@ -39,7 +39,7 @@ def speed(way, event="stage1_cutoff"):
     case, history, runs = of(way)
     at = int(np.argmin(np.abs(case.t_hist - case.trajectory.events[event])))
     flown = np.sqrt(np.mean(np.sum(runs.err[:, at, 3:6] ** 2, axis=1)))
-    return *(float(np.linalg.norm(one[at, 3:6])) for one in (history.formal, history.true_sigma)), float(flown)
+    return *(float(np.linalg.norm(one[at, 3:6])) for one in (history.formal_sigma, history.true_sigma)), float(flown)
 
 
 @pytest.mark.parametrize("event", ["stage1_cutoff", "injection"])

@@ -40,9 +40,9 @@ def test_a_start_from_the_receiver_corrects_the_stored_states_of_late_measuremen
     levels = {name: next(iter(choices)) for name, choices in DIMENSIONS.items()}
     levels |= {"measurements": "solution", "start": "from GNSS", "latency": "buffered, 1.4 s"}
     scenario, kind, _ = scenario_of(levels)
-    prepared = prepare_hop(scenario, flight(kind))
-    runs, history = run_block(prepared, 5, 0, 128), covariance(prepared)
-    position = [k for k, output in enumerate(prepared.outputs) if output.quantity == "position"]
+    prepared_case = prepare_hop(scenario, flight(kind))
+    runs, history = run_block(prepared_case, 5, 0, 128), covariance(prepared_case)
+    position = [k for k, output in enumerate(prepared_case.outputs) if output.quantity == "position"]
     after = history.t <= 6.0
     expected = np.sqrt(history.true_sigma**2 + history.mean**2)[after][:, position]
     rms = np.sqrt(np.mean(runs.err[:, after][..., position] ** 2, axis=0))

@@ -27,12 +27,12 @@ def magnetic(*settings, measurements=("magnetic_field",), sensor=None, **fields)
 @pytest.mark.parametrize("n", [1, 16])
 def test_attitude_is_known_across_the_field_and_not_about_it(n):
     # in a coast: position, which the field depends on too, does not move with the attitude
-    prepared = prepare_hop(magnetic(**QUIET, **COARSE), flight([(20.0, lambda t: np.zeros(3))], turning))
-    cov, t = covariance(prepared), prepared.t_epoch[:n]
+    prepared_case = prepare_hop(magnetic(**QUIET, **COARSE), flight([(20.0, lambda t: np.zeros(3))], turning))
+    cov, t = covariance(prepared_case), prepared_case.t_epoch[:n]
     start = math.radians(1.0) ** -2
     information = start * np.eye(3)
-    for time, measured in zip(t, prepared.devices[0].truth[:, :3], strict=False):
-        C_b_i = matrices(motion(prepared.trajectory, np.array([time])).q_b_i)[0]
+    for time, measured in zip(t, prepared_case.devices[0].truth[:, :3], strict=False):
+        C_b_i = matrices(motion(prepared_case.trajectory, np.array([time])).q_b_i)[0]
         field = C_b_i @ measured
         across = field @ field * np.eye(3) - np.outer(field, field)  # z = B x att
         information = information + across / 100e-9**2
@@ -53,15 +53,17 @@ IRON = {"hard_iron": "300 nT", "soft_iron": "0.3 percent"}
 @pytest.mark.parametrize("states", [(), ("hard_iron", "soft_iron")], ids=["neglected", "estimated"])
 def test_both_engines_agree_on_what_iron_does(states):
     measurements = ("position", "velocity", "magnetic_field")
-    prepared = prepare_hop(magnetic(LOOSE, measurements=measurements, sensor=IRON, **{"filter.extra_states": states}))
-    cov, _ = agree(prepared, [0, 1, 2, 3, 4, 5])
+    prepared_case = prepare_hop(
+        magnetic(LOOSE, measurements=measurements, sensor=IRON, **{"filter.extra_states": states})
+    )
+    cov, _ = agree(prepared_case, [0, 1, 2, 3, 4, 5])
     budget = dict(zip(cov.sources, cov.budget[-1], strict=True))
     assert {"hard iron", "soft iron", "magnetometer noise"} < set(budget)
-    assert len(prepared.layout.extras) == (12 if states else 0)
+    assert len(prepared_case.layout.extras) == (12 if states else 0)
     if states:
-        np.testing.assert_allclose(cov.formal[-1, :3], cov.true_sigma[-1, :3], rtol=1e-3)
+        np.testing.assert_allclose(cov.formal_sigma[-1, :3], cov.true_sigma[-1, :3], rtol=1e-3)
     else:
-        assert np.any(cov.formal[-1, :3] < 0.7 * cov.true_sigma[-1, :3])
+        assert np.any(cov.formal_sigma[-1, :3] < 0.7 * cov.true_sigma[-1, :3])
 
 
 def test_a_filter_that_computes_less_of_the_field_is_wrong_in_both_engines_alike():

@@ -28,5 +28,5 @@ def test_true_covariance_agrees_with_2000_runs_at_every_event_while_the_filter_i
     ratio = square[at] / RUNS / expected
     assert np.all((ratio > low) & (ratio < high)), ratio.round(3)
     injection = int(np.argmin(np.abs(case.t_hist - case.trajectory.events["injection"])))
-    optimism = np.linalg.norm(history.true_sigma[injection, 3:6]) / np.linalg.norm(history.formal[injection, 3:6])
+    optimism = np.linalg.norm(history.true_sigma[injection, 3:6]) / np.linalg.norm(history.formal_sigma[injection, 3:6])
     assert optimism > 1.3

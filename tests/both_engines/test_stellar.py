@@ -10,7 +10,7 @@ import pytest
 
 from lvnav_trade.covariance.history import covariance
 from lvnav_trade.quantities.frames import matrices, reporting_axes
-from lvnav_trade.sensors.optics import axes_of
+from lvnav_trade.sensors.optics import boresight_quaternion
 from lvnav_trade.trajectory.flight import motion
 from tests.building import INERTIAL, LOOSE, MATCHED, flight, loaded, prepare_hop, turning, with_fields
 from tests.simulation.preparation.test_sensors import agree
@@ -45,13 +45,13 @@ def tracked(*settings, measurements=("stellar_attitude",), sensor=None, **fields
 def body(cov, epoch):
     """Sigma of attitude about the body axes (arcsec): true, and as the filter has it."""
     at = int(np.argmin(np.abs(cov.t - epoch)))
-    return cov.true_sigma[at, :3] / ARCSEC, cov.formal[at, :3] / ARCSEC
+    return cov.true_sigma[at, :3] / ARCSEC, cov.formal_sigma[at, :3] / ARCSEC
 
 
 @pytest.mark.parametrize("n", [1, 4, 25])
 def test_n_updates_average_the_noise_across_and_about_the_boresight(n):
-    prepared = prepare_hop(tracked(**QUIET, **COARSE), still())
-    true, formal = body(covariance(prepared), prepared.t_epoch[n - 1])
+    prepared_case = prepare_hop(tracked(**QUIET, **COARSE), still())
+    true, formal = body(covariance(prepared_case), prepared_case.t_epoch[n - 1])
     start = 0.3 * 3600.0
     expected = [1.0 / math.sqrt(n / sigma**2 + 1.0 / start**2) for sigma in (20.0, 20.0, 200.0)]
     np.testing.assert_allclose(true, expected, rtol=1e-4)
@@ -60,8 +60,8 @@ def test_n_updates_average_the_noise_across_and_about_the_boresight(n):
 
 def test_both_engines_agree_on_an_oblique_boresight():
     sensor = {"boresight": [1.0, 1.0, 0.0]}
-    prepared = prepare_hop(tracked(sensor=sensor, **{"initial.tilt": "0.05 deg", "initial.heading": "0.05 deg"}))
-    cov, _ = agree(prepared, [0, 1, 2], runs=200)
+    prepared_case = prepare_hop(tracked(sensor=sensor, **{"initial.tilt": "0.05 deg", "initial.heading": "0.05 deg"}))
+    cov, _ = agree(prepared_case, [0, 1, 2], runs=200)
     roll, _, yaw = cov.true_sigma[-1, :3]
     assert roll > 2.0 * yaw  # half of what is unknown about the boresight is unknown about the body's x axis
 
@@ -69,13 +69,13 @@ def test_both_engines_agree_on_an_oblique_boresight():
 def test_the_heading_of_a_tight_filter_after_the_first_fix():
     scenario = tracked("base.filter=filters/tight", measurements=("pseudorange", "range_rate", "stellar_attitude"),
                        **COARSE)  # fmt: skip
-    prepared = prepare_hop(scenario, still())
-    imu, cov = scenario.imu, covariance(prepared)
-    first = prepared.t_epoch[0]
-    at = motion(prepared.trajectory, np.array([first]))
-    theta0 = prepared.trajectory.theta0
+    prepared_case = prepare_hop(scenario, still())
+    imu, cov = scenario.imu, covariance(prepared_case)
+    first = prepared_case.t_epoch[0]
+    at = motion(prepared_case.trajectory, np.array([first]))
+    theta0 = prepared_case.trajectory.theta0
     C_i_n = reporting_axes("ned", np.array([first]), at.r_i, at.v_i, theta0)[0]
-    C_s_i = (matrices(at.q_b_i) @ matrices(axes_of((0.0, 0.0, 1.0))[None]))[0]
+    C_s_i = (matrices(at.q_b_i) @ matrices(boresight_quaternion((0.0, 0.0, 1.0))[None]))[0]
     bias = math.hypot(imu.gyro.bias_repeatability, imu.gyro.bias_instability)
     before = math.radians(0.3) ** 2 + imu.gyro.random_walk**2 * first + (bias * first) ** 2
     information = C_s_i @ np.diag(1.0 / (ARCSEC * np.array([20.0, 20.0, 200.0])) ** 2) @ C_s_i.T
@@ -91,9 +91,9 @@ def test_the_heading_of_a_tight_filter_after_the_first_fix():
 def test_what_lasts_is_averaged_by_its_correlation_and_a_misalignment_not_at_all():
     time, n = 4.0, 25
     lasting = {"low_frequency": "15 arcsec", "low_frequency_time": f"{time} s", "misalignment": "40 arcsec"}
-    prepared = prepare_hop(tracked(sensor=lasting, **QUIET, **COARSE), still())
-    cov = covariance(prepared)
-    true, formal = body(cov, prepared.t_epoch[n - 1])
+    prepared_case = prepare_hop(tracked(sensor=lasting, **QUIET, **COARSE), still())
+    cov = covariance(prepared_case)
+    true, formal = body(cov, prepared_case.t_epoch[n - 1])
     lag = np.abs(np.subtract.outer(np.arange(n), np.arange(n)))
     averaged = 15.0**2 * np.exp(-lag / time).mean()
     start = (0.3 * 3600.0) ** 2
@@ -115,19 +115,19 @@ STATES = ["tracker_misalignment", "tracker_low_frequency"]
 def test_states_for_what_lasts_make_the_filter_consistent_late_as_it_is(field):
     measurements = ("position", "velocity", "stellar_attitude")
     fields = {f"filter.{field}": STATES, "filter.delay_compensation": {"kind": "buffered"}}
-    prepared = prepare_hop(tracked(LOOSE, measurements=measurements, sensor=LASTING, **fields))
-    names = [output.quantity for output in prepared.outputs]
+    prepared_case = prepare_hop(tracked(LOOSE, measurements=measurements, sensor=LASTING, **fields))
+    names = [output.quantity for output in prepared_case.outputs]
     assert [names.count(state) for state in STATES] == [3, 3]
-    cov, _ = agree(prepared, [0, 1, 2, *(k for k, name in enumerate(names) if name in STATES)])
-    np.testing.assert_allclose(cov.formal[-1, :3], cov.true_sigma[-1, :3], rtol=1e-3)
+    cov, _ = agree(prepared_case, [0, 1, 2, *(k for k, name in enumerate(names) if name in STATES)])
+    np.testing.assert_allclose(cov.formal_sigma[-1, :3], cov.true_sigma[-1, :3], rtol=1e-3)
     naive = covariance(prepare_hop(tracked(LOOSE, measurements=measurements, sensor=LASTING, **{
         "filter.delay_compensation": {"kind": "buffered"}})))  # fmt: skip
-    assert np.all(naive.formal[-1, :2] < 0.6 * naive.true_sigma[-1, :2])
+    assert np.all(naive.formal_sigma[-1, :2] < 0.6 * naive.true_sigma[-1, :2])
 
 
 def test_it_measures_from_an_event_and_not_while_the_body_turns_too_fast():
     from_event = prepare_hop(tracked(sensor={"from": "end0"}))
-    np.testing.assert_array_equal(from_event.sensors.on[0], from_event.t_epoch >= 20.0)
+    np.testing.assert_array_equal(from_event.sensors.is_measuring[0], from_event.t_epoch >= 20.0)
     # the body turns by 4 deg/s and 1 deg/s throughout
     for rate, seen in (("4 deg/s", 0), ("4.2 deg/s", 30)):
-        assert np.count_nonzero(prepare_hop(tracked(sensor={"highest_rate": rate})).sensors.on) == seen
+        assert np.count_nonzero(prepare_hop(tracked(sensor={"highest_rate": rate})).sensors.is_measuring) == seen

@@ -64,7 +64,7 @@ def test_the_full_rate_errs_on_a_body_that_spins_and_is_exact_on_one_that_does_n
     for block in (slice(0, 3), slice(3, 6), slice(6, 9)):
         assert np.allclose(errors[:, hist, block], mean[hist, block], atol=0.02 * np.linalg.norm(mean[hist, block]))
     assert np.array_equal(covariance(spinning()).mean, covariance(spinning("optimised")).mean)  # of one increment
-    assert not ascent(MATCHED).model.strapdown.counted
+    assert not ascent(MATCHED).model.strapdown.is_error_included
 
 
 @pytest.mark.parametrize("ratio", [3, 7])
@@ -109,4 +109,4 @@ def test_linear_covariance_does_not_depend_on_the_frame():
     frames = ("inertial", "earth", "ned")
     inertial, *others = (covariance(ascent(MATCHED, f"base.filter.mechanisation={frame}")) for frame in frames)
     for other in others:
-        np.testing.assert_allclose(other.formal, inertial.formal, rtol=1e-5)
+        np.testing.assert_allclose(other.formal_sigma, inertial.formal_sigma, rtol=1e-5)

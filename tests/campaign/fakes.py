@@ -49,18 +49,18 @@ class Fake:
     def engine(self) -> Engine:
         return Engine(
             self.events, self.prepare, self.run_block, self.covariance, self.summarise, self.nothing, self.explain,
-            self.beyond, self.nothing, self.nothing, self.used,
+            self.beyond, self.nothing, self.nothing, self.effective_settings,
         )  # fmt: skip
 
     def nothing(self, *_: Any) -> None:
         """Compile nothing, draw nothing."""
 
-    def used(self, prepared: Any, read: Any) -> None:
+    def effective_settings(self, prepared_case: Any, read: Any) -> None:
         """Know of no effect."""
 
-    def beyond(self, requirements: Any, case: str, prepared: Any, covariance: CovHistory, summary: Any) -> Any:
+    def beyond(self, requirements: Any, case: str, prepared_case: Any, covariance: CovHistory, summary: Any) -> Any:
         """Every fourth run of the unit called poor is beyond its bounds, none of the good one."""
-        bad = sum(number % 4 == 0 for number in summary.numbers) if "poor" in prepared.name else 0
+        bad = sum(number % 4 == 0 for number in summary.numbers) if "poor" in prepared_case.name else 0
         return tuple(bad for _ in requirements)
 
     def events(self, scenario: Any) -> dict[str, float]:
@@ -74,10 +74,10 @@ class Fake:
             trajectory=SimpleNamespace(events=dict(EVENTS)),
         )
 
-    def covariance(self, prepared: Any) -> CovHistory:
-        self.calls.append(Call("covariance", prepared.name))
+    def covariance(self, prepared_case: Any) -> CovHistory:
+        self.calls.append(Call("covariance", prepared_case.name))
         if self.on_covariance:
-            self.on_covariance(prepared)
+            self.on_covariance(prepared_case)
         n, ones = len(OUTPUTS), np.ones((3, len(OUTPUTS)))
         full = np.zeros((3, n, n))
         return CovHistory(
@@ -85,12 +85,12 @@ class Fake:
             np.array([1.0]), np.array([8]), np.ones(3), np.ones(1), np.zeros(1), np.zeros((1, 8)),
         )  # fmt: skip
 
-    def explain(self, scenario: Any, prepared: Any, covariance: CovHistory, asked: Any) -> Any:
-        self.calls.append(Call("explain", prepared.name))
-        return CaseDiagnostics("explained", unbounded=prepared.name)
+    def explain(self, scenario: Any, prepared_case: Any, covariance: CovHistory, asked: Any) -> Any:
+        self.calls.append(Call("explain", prepared_case.name))
+        return CaseDiagnostics("explained", weakest_direction=prepared_case.name)
 
-    def run_block(self, prepared: Any, seed: int, first: int, n: int) -> Any:
-        self.calls.append(Call("block", prepared.name, first, n))
+    def run_block(self, prepared_case: Any, seed: int, first: int, n: int) -> Any:
+        self.calls.append(Call("block", prepared_case.name, first, n))
         failed = np.zeros(n, dtype=np.int8)
         bad = self.on_block(first, n) if self.on_block else None
         failed[[run - first for run in bad or []]] = 2
@@ -156,7 +156,7 @@ class Kept:
     def identity_of_case(self, case: str) -> str:
         return f"{self.resolved.partition('runs:')[0]} {case}"
 
-    def write_part(self, case: str, summary: Any) -> None:
+    def write_block(self, case: str, summary: Any) -> None:
         if self.full_after is not None and self.written >= self.full_after:
             raise OSError(28, "No space left on device")
         self.written += 1
@@ -166,13 +166,15 @@ class Kept:
     def _parts(self, case: str) -> list[Any]:
         return [pickle.loads(file.read_bytes()) for file in sorted(self.folder.glob(f"{case}-*.part"))]
 
-    def parts(self, case: str, n_run: int | None = None) -> list[Any]:
+    def block_summaries(self, case: str, n_run: int | None = None) -> list[Any]:
         return [part for part in self._parts(case) if n_run is None or part.first + len(part.numbers) <= n_run]
 
-    def done(self, case: str) -> list[tuple[int, int]]:
+    def block_spans(self, case: str) -> list[tuple[int, int]]:
         return [(part.first, len(part.numbers)) for part in self._parts(case)]
 
-    def write_case(self, info: Any, prepared: Any, covariance: CovHistory, parts: Any, explained: Any, *_: Any) -> None:
+    def write_case(
+        self, info: Any, prepared_case: Any, covariance: CovHistory, parts: Any, explained: Any, *_: Any
+    ) -> None:
         numbers = None if parts is None else np.concatenate([part.numbers for part in parts]).tolist()
         row = ((info.id, info.label, info.axes), covariance.sources, numbers, explained)
         (self.folder / f"{info.id}.pcase").write_bytes(pickle.dumps(row))
@@ -180,7 +182,7 @@ class Kept:
     def sizes(self, case: str) -> tuple[tuple[str, int], ...]:
         return tuple((file.name, file.stat().st_size) for file in self.folder.glob(f"{case}.pcase"))
 
-    def leave(self, extra: dict[str, Any]) -> None:
+    def finish_shard(self, extra: dict[str, Any]) -> None:
         (self.folder / "left").write_text(repr(extra["shard_finished"]))
 
     def finish(self, extra: dict[str, Any], *_: Any) -> None:

@@ -18,7 +18,7 @@ from lvnav_trade.campaign.definition.schema import Campaign
 from lvnav_trade.campaign.reading.load import load
 from lvnav_trade.quantities.data_file import read_columns
 from lvnav_trade.quantities.errors import InputError
-from lvnav_trade.trajectory.files.row_checks import usable
+from lvnav_trade.trajectory.files.row_checks import usable_rows
 
 CAMPAIGN = """\
   faults:
@@ -249,7 +249,7 @@ def read_table(file: Path) -> None:
     with bounded(5.0):
         try:
             table, places = read_columns(str(file), ["t_s", "x_m"], ",")
-            usable(table[:, 0], {}, str(file), places)
+            usable_rows(table[:, 0], {}, str(file), places)
         except InputError as error:
             fit_to_be_read(str(error))
             return

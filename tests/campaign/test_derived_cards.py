@@ -23,14 +23,14 @@ def estimated(*settings, runs=RUNS, step=None):
 def test_a_unit_that_the_filter_models_asks_for_next_to_no_noise_beyond_its_own():
     found = estimated(MATCHED)
     imu = found.card.model_dump()
-    assert imu["velocity_noise"] < 0.5 * found.whole.velocity
+    assert imu["velocity_noise"] < 0.5 * found.flight_densities.velocity
     assert found.card.source.startswith("estimate-q of smoke: 20 runs, steps of 1 s")
 
 
 def test_errors_that_it_does_not_model_ask_for_more_the_longer_the_step():
     one, ten = estimated(), estimated(step=10.0)
     assert one.card.velocity_noise > 3.0 * estimated(MATCHED).card.velocity_noise
-    assert 2.0 < ten.whole.velocity / one.whole.velocity < 4.0  # what lasts: the root of ten
+    assert 2.0 < ten.flight_densities.velocity / one.flight_densities.velocity < 4.0  # what lasts: the root of ten
 
 
 def test_the_table_covers_the_flight_and_phases_lie_between_its_events():

@@ -10,10 +10,10 @@ from lvnav_trade import api
 from lvnav_trade.api import Results
 from lvnav_trade.quantities.state_layout import EXTRAS, PARAMETERS
 from lvnav_trade.results.tables.dictionary import SI_SUFFIX
-from lvnav_trade.sensors.family import SENSOR_STATES, SENSORS, kind_of
+from lvnav_trade.sensors.family import SENSOR_STATES, SENSORS, card_kind
 from tests.building import shipped_sensors
 
-MEMBERS = {kind_of(card): card for card in SENSORS}
+MEMBERS = {card_kind(card): card for card in SENSORS}
 """Every sensor by its kind."""
 CARDS = shipped_sensors()
 """A card of each kind that is shipped."""

@@ -9,7 +9,7 @@ from lvnav_trade.campaign.definition.axes import cases
 from lvnav_trade.campaign.derived_cards import gain_schedule
 from lvnav_trade.campaign.reading.load import load
 from lvnav_trade.covariance.history import covariance
-from lvnav_trade.filter.policies.stored_gains import GainKnot, GainSegment, digest_of
+from lvnav_trade.filter.policies.stored_gains import GainKnot, GainSegment, schedule_digest
 from lvnav_trade.quantities.errors import InputError
 from lvnav_trade.simulation.montecarlo import run_block
 from lvnav_trade.trajectory.flight import identity
@@ -39,7 +39,7 @@ def replayed(schedule, trajectory=None):
 def test_on_the_nominal_flight_they_do_as_well_as_the_covariance_s_own(by):
     own, theirs = covariance(case(MATCHED, LOOSE, TWELVE)), covariance(replayed(scheduled(by)))
     np.testing.assert_allclose(theirs.true_sigma[-1, :9], own.true_sigma[-1, :9], rtol=0.01)
-    np.testing.assert_allclose(theirs.formal[-1, :9], own.formal[-1, :9], rtol=0.01)
+    np.testing.assert_allclose(theirs.formal_sigma[-1, :9], own.formal_sigma[-1, :9], rtol=0.01)
 
 
 def test_run_by_run_a_fine_schedule_is_the_filter_s_own_update():
@@ -66,7 +66,7 @@ def test_a_schedule_of_other_states_or_of_an_event_that_is_not_flown_is_refused(
         replayed(scheduled(settings=(MATCHED, LOOSE)))
     found = scheduled()
     segments = (GainSegment(event="landing", knots=found.segments[0].knots),)
-    moved = found.model_copy(update={"segments": segments, "digest": digest_of(found.states, segments)})
+    moved = found.model_copy(update={"segments": segments, "digest": schedule_digest(found.states, segments)})
     with pytest.raises(InputError, match="needs the event 'landing'"):
         replayed(moved)
     assert GainKnot.model_fields.keys() == {"since", "gain"}

@@ -7,7 +7,7 @@ from contextlib import suppress
 
 import pytest
 
-from lvnav_trade.campaign.interrupts import raise_if_interrupted, remembering_interrupts
+from lvnav_trade.campaign.interrupts import interrupt_handlers, raise_if_interrupted
 
 
 def test_an_error_without_an_interrupt_among_its_causes_is_none() -> None:
@@ -32,7 +32,7 @@ def test_one_that_was_discarded_is_remembered_within_the_command_alone(sent: sig
     before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
     signal.signal(signal.SIGINT, signal.default_int_handler)  # a job in the background has it ignored
     try:
-        with remembering_interrupts():
+        with interrupt_handlers():
             with suppress(KeyboardInterrupt):
                 signal.raise_signal(sent)
             with pytest.raises(KeyboardInterrupt):
@@ -46,7 +46,7 @@ def test_one_that_was_discarded_is_remembered_within_the_command_alone(sent: sig
 def test_an_interrupt_that_is_ignored_stays_so() -> None:
     before = signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
-        with remembering_interrupts():
+        with interrupt_handlers():
             assert signal.getsignal(signal.SIGINT) is signal.SIG_IGN
     finally:
         signal.signal(signal.SIGINT, before)

@@ -23,8 +23,8 @@ from lvnav_trade.campaign.running.progress import Plain
 
 what = {"held": fakes.Held("go"), "quick": None, "dies": fakes.Dies(), "once": fakes.DiesOnce("mark")}[sys.argv[2]]
 try:
-    execute.run(load("campaign.yaml"), Path(sys.argv[3]), conduct.Conduct(int(sys.argv[1]), progress=Plain()),
-                engine=fakes.Fake(on_block=what).engine(), keep=fakes.store())
+    execute.run(load("campaign.yaml"), Path(sys.argv[3]), conduct.RunOptions(int(sys.argv[1]), progress=Plain()),
+                engine=fakes.Fake(on_block=what).engine(), store=fakes.store())
 except KeyboardInterrupt:
     sys.exit(130)
 except execute.Halted as halted:

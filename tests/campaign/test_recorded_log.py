@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 
 from lvnav_trade.campaign.reading.load import load
-from lvnav_trade.campaign.recorded_log import OutagePlan, process, read_card, summarised
+from lvnav_trade.campaign.recorded_log import OutagePlan, outage_summary, process, read_card
 from lvnav_trade.quantities.errors import InputError
 from tests import recorded_log, recorded_sets
 
@@ -38,7 +38,7 @@ def test_a_summary_counts_and_averages():
         {"case": "a", "length_s": 15.0, "position_error_m": [3.0, 4.0], "velocity_error_m_per_s": [0.0, 1.0],
          "nees_ratio": [0.5, 1.5], "inside": [True, False], "failed": False}
     )  # fmt: skip
-    (found,) = summarised(rows).itertuples()
+    (found,) = outage_summary(rows).itertuples()
     assert (found.outages, found.inside_percent, found.nees_ratio, found.position_worst_m) == (2, 50.0, 1.0, 4.0)
     assert found.position_rms_m == pytest.approx(np.sqrt(12.5))
 

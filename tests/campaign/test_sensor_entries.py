@@ -6,7 +6,7 @@ import pytest
 
 from lvnav_trade.campaign.definition.axes import cases
 from lvnav_trade.campaign.reading.field_reference import json_schema, reference
-from lvnav_trade.campaign.reading.load import load, resolved
+from lvnav_trade.campaign.reading.load import load, resolved_text
 from lvnav_trade.quantities.errors import InputError
 from lvnav_trade.sensors.family import SENSORS
 
@@ -59,7 +59,7 @@ def test_an_axis_goes_with_and_without_a_sensor_that_the_base_leaves_out(study) 
     found = cases(campaign)
     assert [case.scenario.sensors["radar"] is None for case in found] == [True, False]
     assert found[0].label == "radar=none"
-    study.write("again.yaml", resolved(campaign))
+    study.write("again.yaml", resolved_text(campaign))
     assert [case.id for case in cases(load("again.yaml"))] == [case.id for case in found]
 
 

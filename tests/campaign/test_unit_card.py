@@ -82,10 +82,10 @@ def test_the_floor_of_a_log_is_the_floor_of_the_stream_that_its_card_simulates(t
     assert "convention: coefficient" in found.text
     card = tmp_path / "unit.yaml"
     card.write_text(found.text)
-    prepared = case(f"base.imu={card}", "base.imu.process_rate=10 Hz", "base.filter.strapdown.ratio=1")
-    imu = prepared.scenario.imu
+    prepared_case = case(f"base.imu={card}", "base.imu.process_rate=10 Hz", "base.filter.strapdown.ratio=1")
+    imu = prepared_case.scenario.imu
     assert imu.gyro.flicker == pytest.approx(floor / 0.664, rel=0.05)
-    stream = stream_at_rest(prepared, 0, imu, n, 5)[:, :3]
+    stream = stream_at_rest(prepared_case, 0, imu, n, 5)[:, :3]
     factors = [100, 200, 400]
     made, logged = (overlapping(one, dt, factors) for one in (stream, frame.iloc[:, [1, 3, 5]].to_numpy()))
     # three axes of 150 intervals of the longest time: 5 % a deviation

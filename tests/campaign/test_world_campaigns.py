@@ -14,7 +14,7 @@ from lvnav_trade import api
 from lvnav_trade.campaign.definition.axes import cases
 from lvnav_trade.campaign.reading.load import load
 from lvnav_trade.campaign.syntax.card_lookup import campaign_file
-from lvnav_trade.quantities.reads import remembered
+from lvnav_trade.quantities.reads import result_cache
 from lvnav_trade.report.build import SECTIONS
 from lvnav_trade.results.evaluation import METRICS
 from lvnav_trade.trajectory import flight
@@ -55,7 +55,7 @@ def _each_flight_once() -> Iterator[None]:
         return card.model_copy(update={"oscillation": ()}) if hasattr(card, "oscillation") else card
 
     def kept(build: Callable[[Any], Any]) -> Callable[[Any], Any]:
-        trajectories = remembered(100)(lambda _, card: build(card))
+        trajectories = result_cache(100)(lambda _, card: build(card))
         return lambda card: trajectories(flight.identity(smooth(card)), card)
 
     builders = {kind: kept(build) for kind, build in flight._BUILDERS.items()}

@@ -11,7 +11,7 @@ import pytest
 
 from lvnav_trade.campaign.running.work import CovarianceResult
 from lvnav_trade.cli import answers
-from lvnav_trade.cli.answers import _designs, _verdicts, check_preferred, components_together, shown
+from lvnav_trade.cli.answers import _designs, _verdicts, check_preferred, combine_components, covariance_collector
 from lvnav_trade.quantities.errors import InputError
 from lvnav_trade.results.evaluation.designs import designs
 from lvnav_trade.simulation.settings_read import EffectiveSettings
@@ -25,7 +25,7 @@ def test_only_what_cards_state_can_be_preferred() -> None:
 
 
 def test_answers_are_kept_where_json_is_wanted_and_not_printed(capsys: pytest.CaptureFixture[str]) -> None:
-    found, show = shown(as_json=True)
+    found, show = covariance_collector(as_json=True)
     show(["an answer"], ["a case"])
     assert found == ["an answer"]
     assert capsys.readouterr().out == ""
@@ -51,7 +51,7 @@ def test_of_many_cases_those_with_the_smallest_and_the_largest_errors_are_printe
         sizes = (("position", 100.0 - k, 1.0, "m"), ("velocity", float(k), 1.0, "m/s"))
         return SimpleNamespace(event="injection", rows=sizes, error="")
 
-    _, show = shown(as_json=False)
+    _, show = covariance_collector(as_json=False)
     show([answer(k) for k in range(1, 51)], [SimpleNamespace(label=f"case {k}") for k in range(1, 51)])
     lines = capsys.readouterr().out.splitlines()
     assert len(lines) == 7
@@ -109,7 +109,7 @@ def test_components_of_one_quantity_share_a_line() -> None:
         ("impact_error_down", "m", "along the velocity"),
         ("impact_error_cross", "m", "across it"),
     ]
-    assert components_together(metrics) == [
+    assert combine_components(metrics) == [
         ("position_error_*", "m", "error of position; *: 3d, x"),
         *metrics[2:],
     ]
@@ -120,7 +120,7 @@ def test_json_has_plain_values_of_linear_covariance_and_nothing_of_the_engine(
 ) -> None:
     monkeypatch.setattr(answers, "_campaign_lines", lambda *_: [])
     settings = EffectiveSettings(frozenset({"imu.rate"}), (), {})
-    result = CovarianceResult("a0", "injection", (("position", 3.0, 2.0, "m"),), used=settings)
+    result = CovarianceResult("a0", "injection", (("position", 3.0, 2.0, "m"),), effective_settings=settings)
     results = SimpleNamespace(
         folder=tmp_path,
         failures=[],

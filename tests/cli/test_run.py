@@ -36,7 +36,7 @@ def test_a_self_check_prints_a_line_a_check_and_fails_with_one(
     events: dict[str, float], monkeypatch: pytest.MonkeyPatch, figure: float, code: int
 ) -> None:
     checks = [
-        CheckResult("Jacobian", "pseudorange", figure, high=0.3, where="position x"),
+        CheckResult("Jacobian", "pseudorange", figure, upper_limit=0.3, remark="position x"),
         CheckResult("draws", "x", reason="none"),
     ]
     monkeypatch.setattr(selfcheck, "check_scenario", lambda *given: checks)

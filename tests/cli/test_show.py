@@ -32,7 +32,7 @@ def test_the_status_is_reported_in_words_and_as_json(variants: Path) -> None:
     result = call("status", str(variants / "base"))
     assert (result.exit_code, result.stdout.startswith(f"{variants / 'base'}: finished: ")) == (0, True)
     content = json.loads(call("status", str(variants / "base"), "--json").stdout)
-    assert (content["verb"], content["state"], content["damaged"]) == ("status", "finished", [])
+    assert (content["verb"], content["state"], content["damaged_files"]) == ("status", "finished", [])
     assert call("status", str(variants)).exit_code == 2
 
 

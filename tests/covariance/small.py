@@ -7,21 +7,22 @@ from collections import namedtuple
 import numpy as np
 
 from lvnav_trade.covariance.propagate import propagate_sources
-from lvnav_trade.covariance.slots import aligned, as_lanes
+from lvnav_trade.covariance.slots import align, arrange_lanes
 from lvnav_trade.kernels.jit import jit
 from lvnav_trade.kernels.lanes import GROUP, grouped_zeros
 from lvnav_trade.kernels.strapdown import N_SUM
-from lvnav_trade.simulation.epoch.joint import _update_shared, _update_sources
+from lvnav_trade.simulation.epoch.joint import _update_correlated_errors, _update_sources
 
 # As much of the engine's records as propagation and update of the sources read.
 Joint = namedtuple("Joint", "mean sources cross variance")
-Work = namedtuple("Work", "D_true block input shift gain y b seen noise spread")
-Schedule = namedtuple("Schedule", "length first_tick n_tick")
+Work = namedtuple("Work", "D_true block input state_effect gain y b measurement_covariance noise innovation_variance")
+Schedule = namedtuple("Schedule", "length_index first_tick n_tick")
 WINDOW = Schedule(*[np.zeros(1, dtype=np.int64)] * 3)
 Truth = namedtuple(
     "Truth",
-    "group lane n_slot has_cross moves factor noise echo source slot states state_from sensor driver profile first "
-    "moving nav_rows nav_columns white decay first_shared shared_family noise_source",
+    "group lane n_slot has_cross drives_motion component_decay noise echo source slot states state_from sensor driver "
+    "profile first block_drives_motion nav_rows nav_columns white_variance state_decay first_correlated "
+    "modelling_block noise_source",
 )
 FilterModel = namedtuple("FilterModel", "seconds clock")
 
@@ -43,26 +44,27 @@ def small(starts, variances, *, factor, noise, decay, white, blocks, rows, colum
     n_group = int(group.max()) + 1
 
     def table(values):
-        return aligned(np.swapaxes(as_lanes(np.asarray(values, dtype=float), group, lane), 0, 1))
+        return align(np.swapaxes(arrange_lanes(np.asarray(values, dtype=float), group, lane), 0, 1))
 
     none, ones = np.zeros(0, dtype=np.int64), np.ones((n_group, 1), dtype=np.bool_)
     fields = {
-        "group": group, "lane": lane, "n_slot": np.ones(n_group, dtype=np.int64), "has_cross": ones, "moves": ones,
-        "factor": table(np.reshape(factor, (n_source, 1, 1, 1))),
+        "group": group, "lane": lane, "n_slot": np.ones(n_group, dtype=np.int64), "has_cross": ones,
+        "drives_motion": ones,
+        "component_decay": table(np.reshape(factor, (n_source, 1, 1, 1))),
         "noise": table(np.reshape(noise, (n_source, 1, 1, 1))),
         "echo": table(np.zeros((n_source, 1, 1, 1))), "source": place, "slot": np.zeros(n_source, dtype=np.int64),
         "states": none, "state_from": np.zeros(n_source + 1, dtype=np.int64),
         "sensor": none, "driver": none, "profile": none, "first": none,
-        "moving": np.zeros(0, dtype=np.bool_), "nav_rows": rows, "nav_columns": columns,
-        "white": table(white[:, None]), "decay": decay[None], "first_shared": 0, "shared_family": none,
-        "noise_source": np.array([n_source - 1]),
+        "block_drives_motion": np.zeros(0, dtype=np.bool_), "nav_rows": rows, "nav_columns": columns,
+        "white_variance": table(white[:, None]), "state_decay": decay[None],
+        "first_correlated": 0, "modelling_block": none, "noise_source": np.array([n_source - 1]),
     }  # fmt: skip
     true = Truth(**(fields | more))
     joint = Joint(
         np.zeros(n),
-        as_lanes(np.asarray(starts, dtype=float), group, lane),
+        arrange_lanes(np.asarray(starts, dtype=float), group, lane),
         grouped_zeros((n_group, 1, n)),
-        as_lanes(np.reshape(variances, (n_source, 1, 1)).astype(float), group, lane),
+        arrange_lanes(np.reshape(variances, (n_source, 1, 1)).astype(float), group, lane),
     )
     scratch = Work(
         blocks, np.zeros(9), np.zeros((9, 3)), np.zeros(n), np.zeros(n), grouped_zeros((n,)),
@@ -90,7 +92,7 @@ def _update(total, joint, scratch, true, h, entries, columns, source, noise):
 @jit
 def _update_both(total, joint, scratch, true, h, entries, columns, source, noise, signals):
     total[0] = _update_sources(joint, scratch, true, h, entries, columns, source, noise)
-    total[0] += _update_shared(joint, scratch, h, signals, true, 0, 0, False)
+    total[0] += _update_correlated_errors(joint, scratch, h, signals, true, 0, 0, False)
 
 
 def update(joint, scratch, true, gain, h, entries, columns, source, noise, signals=None):

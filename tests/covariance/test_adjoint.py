@@ -40,7 +40,7 @@ def test_white_noise_of_an_unaided_flight_comes_in_evenly_into_velocity():
 
 @pytest.mark.parametrize("time", [7.0, 30.0])
 def test_the_sum_over_sources_and_times_is_the_true_variance(time):
-    prepared = case()
-    cov, hist = covariance(prepared), int(np.flatnonzero(prepared.t_hist == time)[0])
-    total = adjoint(prepared, time).contribution.sum(axis=(1, 2))
+    prepared_case = case()
+    cov, hist = covariance(prepared_case), int(np.flatnonzero(prepared_case.t_hist == time)[0])
+    total = adjoint(prepared_case, time).contribution.sum(axis=(1, 2))
     np.testing.assert_allclose(total, cov.true_sigma[hist, :9] ** 2, rtol=1e-10)

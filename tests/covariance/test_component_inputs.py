@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from lvnav_trade.covariance.component_inputs import input_matrix
-from lvnav_trade.covariance.components import components
+from lvnav_trade.covariance.components import build_components
 from lvnav_trade.filter.model import transition_blocks
 from lvnav_trade.kernels.strapdown import N_SUM, SUM_C, SUM_F, SUM_TH, SUM_V
 from lvnav_trade.kernels.transition import fill
@@ -15,7 +15,7 @@ from tests.building import case
 
 SECONDS = 0.1
 CASE = case()
-TRUE = components(CASE)
+TRUE = build_components(CASE)
 
 
 def window_sums():
@@ -29,7 +29,7 @@ def window_sums():
     return sums
 
 
-@pytest.mark.parametrize("j", np.flatnonzero(TRUE.matched < 0))
+@pytest.mark.parametrize("j", np.flatnonzero(TRUE.filter_state < 0))
 def test_a_parameter_that_the_filter_does_not_carry_enters_as_the_blocks_of_the_transition(j):
     b = np.full((9, 3), np.nan)
     input_matrix(b, np.zeros(9), j, TRUE, window_sums(), SECONDS)

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from lvnav_trade.covariance.components import REMAINDER, components, initial_state
+from lvnav_trade.covariance.components import REMAINDER, build_components, initial_state
 from lvnav_trade.covariance.sources import source_names
 from lvnav_trade.kernels.lanes import GROUP
 from lvnav_trade.kernels.transition import OWN_0
@@ -16,8 +16,8 @@ from tests.building import INERTIAL, LOOSE, MATCHED, case, loaded, prepare_hop, 
 from tests.covariance.small import of_lanes
 
 
-def model(prepared):
-    return components(prepared)
+def model(prepared_case):
+    return build_components(prepared_case)
 
 
 def test_sources_are_physical_causes_each_named_once():
@@ -36,8 +36,8 @@ def test_every_coupling_names_its_own_measurement_noise():
 
 def test_true_parameters_match_the_filters_state_of_the_same_driver_or_none():
     true = model(case(MATCHED))
-    assert set(true.matched) == {9, 12}
-    assert (model(case()).matched == -1).any()
+    assert set(true.filter_state) == {9, 12}
+    assert (model(case()).filter_state == -1).any()
 
 
 def place(true, source):
@@ -63,20 +63,20 @@ def test_every_source_has_a_lane_of_its_own_and_those_of_many_components_stand_t
 
 
 def test_the_estimate_starts_at_zero_so_error_and_component_are_the_same_thing():
-    prepared = case(MATCHED)
-    true = model(prepared)
-    sources, cross, variance = initial_state(prepared, true)
+    prepared_case = case(MATCHED)
+    true = model(prepared_case)
+    sources, cross, variance = initial_state(prepared_case, true)
     total = sum(of_lanes(sources, place(true, source)) for source in range(true.group.size))
     matched = np.flatnonzero(np.diff(true.state_from))
     assert matched.size >= 6
     for c in matched:
         source, slot, at = true.source[c], true.slot[c], true.states[true.state_from[c]]
         own = of_lanes(variance, place(true, source))[slot, 0]
-        assert own == true.start[c]
+        assert own == true.initial_variance[c]
         assert of_lanes(cross, place(true, source))[slot, at] == own
         assert total[at, at] >= own
     # a matched filter assumes just that
-    np.testing.assert_allclose(np.diag(total), np.diag(prepared.start.P), rtol=1e-12)
+    np.testing.assert_allclose(np.diag(total), np.diag(prepared_case.initial_state.P), rtol=1e-12)
 
 
 @pytest.mark.parametrize("seconds", [0.1, 0.05])
@@ -84,11 +84,11 @@ def test_a_true_process_keeps_its_variance_over_windows(seconds):
     scenario = loaded()
     imu = with_fields(scenario.imu, **{"gyro.bias_instability": "2 deg/h", "gyro.instability_time": "3 s"})
     card = with_fields(scenario.filter, covariance_rate=f"{1.0 / seconds} Hz")
-    prepared = prepare_hop(scenario.model_copy(update={"imu": imu, "filter": card}))
-    true, length = model(prepared), int(np.argmin(np.abs(prepared.lengths - seconds)))
-    j = [b.name for b in prepared.sources].index("gyro bias instability")
-    sigma2, factor = (2.0 * math.radians(1.0) / 3600.0) ** 2, table_of(true, "factor", j)[length]
-    assert true.start[true.first[j]] == pytest.approx(sigma2, rel=1e-12)
+    prepared_case = prepare_hop(scenario.model_copy(update={"imu": imu, "filter": card}))
+    true, length = model(prepared_case), int(np.argmin(np.abs(prepared_case.lengths - seconds)))
+    j = [b.name for b in prepared_case.sources].index("gyro bias instability")
+    sigma2, factor = (2.0 * math.radians(1.0) / 3600.0) ** 2, table_of(true, "component_decay", j)[length]
+    assert true.initial_variance[true.first[j]] == pytest.approx(sigma2, rel=1e-12)
     assert factor == pytest.approx(math.exp(-seconds / 3.0), rel=1e-12)
     assert factor**2 * sigma2 + table_of(true, "noise", j)[length] == pytest.approx(sigma2, rel=1e-12)
 
@@ -96,22 +96,22 @@ def test_a_true_process_keeps_its_variance_over_windows(seconds):
 def test_what_quantisation_holds_back_is_drawn_anew_in_every_window():
     scenario = loaded()
     imu = with_fields(scenario.imu, **{"gyro.quantisation": "1e-5 rad"})
-    prepared = prepare_hop(scenario.model_copy(update={"imu": imu}))
-    true = model(prepared)
+    prepared_case = prepare_hop(scenario.model_copy(update={"imu": imu}))
+    true = model(prepared_case)
     j = int(np.flatnonzero(true.driver == REMAINDER)[0])
-    moving = prepared.lengths > 0.0
-    np.testing.assert_array_equal(table_of(true, "factor", j), np.where(moving, 0.0, 1.0))
+    moving = prepared_case.lengths > 0.0
+    np.testing.assert_array_equal(table_of(true, "component_decay", j), np.where(moving, 0.0, 1.0))
     np.testing.assert_allclose(table_of(true, "noise", j)[moving], 1e-10 / 12.0, rtol=1e-12)
     np.testing.assert_array_equal(table_of(true, "echo", j), table_of(true, "noise", j))
 
 
 def test_where_samples_are_measurements_what_no_state_stands_for_enters_them_and_not_the_motion():
     true = model(modelled(imu__gyro__scale_factor="300 ppm"))
-    scale = int(np.flatnonzero((true.matched < 0) & (true.driver >= OWN_0))[0])
-    assert true.by_samples
-    assert true.sampled[scale]
-    assert not true.moving[scale]
-    assert not true.sampled[true.matched >= 0].any()
+    scale = int(np.flatnonzero((true.filter_state < 0) & (true.driver >= OWN_0))[0])
+    assert true.has_sample_updates
+    assert true.block_enters_samples[scale]
+    assert not true.block_drives_motion[scale]
+    assert not true.block_enters_samples[true.filter_state >= 0].any()
     other = model(case())
-    assert other.moving[other.matched < 0].all()
-    assert not other.sampled.any()
+    assert other.block_drives_motion[other.filter_state < 0].all()
+    assert not other.block_enters_samples.any()

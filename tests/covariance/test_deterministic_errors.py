@@ -41,7 +41,7 @@ def test_what_a_bandwidth_does_to_a_body_that_spins_and_shakes_is_what_the_strap
         q = np.array(multiply(*q, *step))
     reference = SimpleNamespace(dtheta=dtheta, dvel=dvel, q_b_i=np.array([*quaternions, q]))
     unit = SimpleNamespace(dtheta=seen[0], dvel=seen[1], dt=DT)
-    strapdown = SimpleNamespace(gravity=J4, counted=False)
+    strapdown = SimpleNamespace(gravity=J4, is_error_included=False)
     deviation, mean = np.zeros(12), np.zeros(6)
     plain, nav = getattr(set_deviation, "py_func", set_deviation), [0.0] * 7 + [FAR, 0.0, 0.0]
     for first in range(0, n, TICKS):

@@ -22,12 +22,12 @@ def test_covariances_are_symmetric_and_positive_all_along():
 def test_a_filter_that_expects_more_than_comes_assumes_no_less_than_is_true():
     history = covariance(modelled())
     late = history.t > 5.0
-    assert (history.formal[late] > 0.999 * history.true_sigma[late]).all()
+    assert (history.formal_sigma[late] > 0.999 * history.true_sigma[late]).all()
 
 
 def test_a_case_without_a_model_of_the_vehicle_has_the_filters_states_and_nothing_else():
-    prepared = case(LOOSE)
-    assert covariance(prepared).true_sigma.shape == (prepared.t_hist.size, 15)
+    prepared_case = case(LOOSE)
+    assert covariance(prepared_case).true_sigma.shape == (prepared_case.t_hist.size, 15)
     assert covariance(modelled()).true_sigma.shape == (modelled().t_hist.size, 36)
 
 
@@ -36,11 +36,11 @@ def test_on_the_nominal_flight_the_mode_logic_waits_and_predicts_as_in_the_runs(
     logic = {"start_after": 3, "wild_position": None, "wild_velocity": None}
     card = with_fields(scenario.filter, feedback="open", logic=logic)
     loss = {"kind": "satellite_outage", "start": "12 s", "duration": "3 s"}
-    prepared = prepare_hop(with_fields(scenario.model_copy(update={"filter": card}), faults=[loss]))
-    history, block = covariance(prepared), run_block(prepared, 3, 0, 8)
+    prepared_case = prepare_hop(with_fields(scenario.model_copy(update={"filter": card}), faults=[loss]))
+    history, block = covariance(prepared_case), run_block(prepared_case, 3, 0, 8)
     np.testing.assert_array_equal(history.n_row, block.n_row[0])
     assert np.all(history.n_row[:2] == 0)
     np.testing.assert_array_equal(history.n_row[11:14], 0)
     assert history.n_row.max() == 6
     accepted = np.sqrt(np.mean(block.sigma[:, :, :9] ** 2, axis=0))
-    np.testing.assert_allclose(accepted, history.formal[:, :9], rtol=5e-3)
+    np.testing.assert_allclose(accepted, history.formal_sigma[:, :9], rtol=5e-3)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from lvnav_trade.covariance.components import components
+from lvnav_trade.covariance.components import build_components
 from lvnav_trade.covariance.forward_pass import run_pass
 from lvnav_trade.covariance.sources import n_joint
 from lvnav_trade.covariance.workspace import new_tape, row_width
@@ -12,9 +12,9 @@ from lvnav_trade.simulation.montecarlo import run_block
 from tests.building import INERTIAL, LOOSE, MATCHED, case
 
 
-def passed(prepared, aided):
-    nothing = new_tape(0, 0, n_joint(prepared), row_width(prepared))
-    return run_pass(prepared, components(prepared), nothing, aided=aided).out
+def passed(prepared_case, aided):
+    nothing = new_tape(0, 0, n_joint(prepared_case), row_width(prepared_case))
+    return run_pass(prepared_case, build_components(prepared_case), nothing, has_aiding=aided).results
 
 
 def test_without_measurements_a_pass_describes_the_runs_of_the_inertial_system():

@@ -24,13 +24,13 @@ def changed(*settings, **cards):
     return prepare_hop(scenario.model_copy(update=update))
 
 
-def agrees(prepared, n_run, times, n_family=None):
+def agrees(prepared_case, n_run, times, n_family=None):
     """Ratios of Monte-Carlo RMS to LinCov's true RMS (mean included), and their interval of family-wise 1e-3.
 
     The sum of squares of n Gaussian errors over their variance is chi-square with n degrees of freedom.
     """
-    cov, block = covariance(prepared), run_block(prepared, SEED, 0, n_run)
-    at = [int(np.argmin(np.abs(prepared.t_hist - time))) for time in times]
+    cov, block = covariance(prepared_case), run_block(prepared_case, SEED, 0, n_run)
+    at = [int(np.argmin(np.abs(prepared_case.t_hist - time))) for time in times]
     # about the mean that LinCov gives, so that a ramp or a wrong gravity model does not widen the law
     squares = np.sum((block.err[:, at] - cov.mean[at]) ** 2, axis=0)
     ratio = np.sqrt(squares / n_run) / cov.true_sigma[at]
@@ -57,10 +57,10 @@ def test_the_budget_sums_to_the_total(settings):
 
 @pytest.mark.parametrize("settings", CASES, ids=IDS)
 def test_the_backward_pass_gives_the_budget_of_the_forward_one(settings):
-    prepared = case(*settings)
-    cov = covariance(prepared)
+    prepared_case = case(*settings)
+    cov = covariance(prepared_case)
     for time in (20.0, 30.0):
-        back, hist = adjoint(prepared, time), int(np.flatnonzero(prepared.t_hist == time)[0])
+        back, hist = adjoint(prepared_case, time), int(np.flatnonzero(prepared_case.t_hist == time)[0])
         assert back.sources == cov.sources
         # relative to the whole variance of the output: a source of no account is rounding of the others
         forward = cov.budget[hist, :, :9] / cov.true_sigma[hist, :9] ** 2
@@ -81,7 +81,7 @@ def test_both_covariances_stay_symmetric_and_positive(settings):
 @pytest.mark.parametrize("settings", [(MATCHED,), (MATCHED, LOOSE), (MATCHED, INERTIAL)])
 def test_a_matched_filter_knows_its_own_error(settings):
     cov = covariance(case(*settings))
-    np.testing.assert_allclose(cov.formal, cov.true_sigma, rtol=1e-2)
+    np.testing.assert_allclose(cov.formal_sigma, cov.true_sigma, rtol=1e-2)
     n = case(*settings).layout.n_estimated
     np.testing.assert_allclose(cov.expected_nees, n, rtol=1e-2)
     np.testing.assert_allclose(cov.expected_nis, cov.n_row, rtol=1e-3)
@@ -91,7 +91,7 @@ def test_a_matched_filter_knows_its_own_error(settings):
 def test_a_filter_that_carries_all_that_is_wrong_knows_its_error_but_for_what_it_leaves_out():
     """With every excited state propagated: bandwidth, drift, nonlinearity and instability are left, a few per cent."""
     cov = covariance(case(FULL))
-    assert np.all(cov.true_sigma[1:] / cov.formal[1:] < 1.05)
+    assert np.all(cov.true_sigma[1:] / cov.formal_sigma[1:] < 1.05)
 
 
 @pytest.mark.parametrize("settings", [(), (MATCHED,)], ids=["true errors beyond the model", "matched"])
@@ -100,23 +100,23 @@ def test_the_covariance_does_not_depend_on_how_often_it_is_propagated(settings):
     sigmas = []
     for rate in ("200 Hz", "100 Hz", "50 Hz", "10 Hz"):
         cov = covariance(changed(*settings, filter={"covariance_rate": rate}))
-        sigmas.append(np.stack([cov.formal[[20, -1]], cov.true_sigma[[20, -1]]]))
+        sigmas.append(np.stack([cov.formal_sigma[[20, -1]], cov.true_sigma[[20, -1]]]))
     for other in sigmas[1:]:
         np.testing.assert_allclose(other, sigmas[0], rtol=1e-3)
 
 
 def test_josephs_form_and_the_symmetric_one_agree_for_an_optimal_gain():
     one, two = (covariance(changed(MATCHED, filter={"update": form})) for form in ("joseph", "symmetric"))
-    np.testing.assert_allclose(one.formal, two.formal, rtol=1e-6)
+    np.testing.assert_allclose(one.formal_sigma, two.formal_sigma, rtol=1e-6)
 
 
-def formal_position(prepared):
-    cov = covariance(prepared)
-    return np.linalg.norm(cov.formal[:, 6:9], axis=1)
+def formal_position(prepared_case):
+    cov = covariance(prepared_case)
+    return np.linalg.norm(cov.formal_sigma[:, 6:9], axis=1)
 
 
 def test_a_satellite_more_never_raises_the_filters_own_sigma():
-    sigmas = [covariance(changed(MATCHED, receiver={"channels": n})).formal for n in (4, 5, 6, 8)]
+    sigmas = [covariance(changed(MATCHED, receiver={"channels": n})).formal_sigma for n in (4, 5, 6, 8)]
     for fewer, more in itertools.pairwise(sigmas):
         assert np.all(more <= fewer * (1.0 + 1e-9))
 
@@ -129,7 +129,7 @@ def with_outage(seconds, keep=0):
 
 def test_a_longer_outage_or_one_of_more_satellites_is_never_better():
     for worse, better in ((with_outage(10), with_outage(5)), (with_outage(8), with_outage(8, keep=2))):
-        assert np.all(covariance(worse).formal >= covariance(better).formal * (1.0 - 1e-9))
+        assert np.all(covariance(worse).formal_sigma >= covariance(better).formal_sigma * (1.0 - 1e-9))
 
 
 def test_a_noisier_receiver_puts_more_into_the_budget_and_nothing_else_grows_by_it_alone():
@@ -140,7 +140,7 @@ def test_a_noisier_receiver_puts_more_into_the_budget_and_nothing_else_grows_by_
     np.testing.assert_allclose(noisy.budget[:, at], 4.0 * quiet.budget[:, at], rtol=1e-10)
     others = [s for s in range(len(quiet.sources)) if s != at]
     np.testing.assert_allclose(noisy.budget[:, others], quiet.budget[:, others], rtol=1e-12)
-    np.testing.assert_array_equal(noisy.formal, quiet.formal)
+    np.testing.assert_array_equal(noisy.formal_sigma, quiet.formal_sigma)
 
 
 def _own_receiver():
@@ -161,13 +161,13 @@ def test_monte_carlo_spreads_as_linear_covariance_says(settings):
 
 
 def test_a_filter_that_neglects_scale_factor_and_g_sensitivity_is_optimistic_and_linear_covariance_knows():
-    prepared = case()
-    cov = covariance(prepared)
+    prepared_case = case()
+    cov = covariance(prepared_case)
     end = -1
     # thrust of 3 g for 20 s times 1500 ppm is 0.9 m/s that the filter does not know of
-    assert cov.true_sigma[end, 3:6].max() > 1.5 * cov.formal[end, 3:6].min()
-    assert cov.expected_nees[end] > 2.0 * prepared.layout.n_estimated
-    block = run_block(prepared, SEED, 0, 800)
+    assert cov.true_sigma[end, 3:6].max() > 1.5 * cov.formal_sigma[end, 3:6].min()
+    assert cov.expected_nees[end] > 2.0 * prepared_case.layout.n_estimated
+    block = run_block(prepared_case, SEED, 0, 800)
     # the mean of NEES over runs: its law is not chi-square here, its own spread over runs bounds it
     nees = block.nees[:, end]
     assert abs(nees.mean() - cov.expected_nees[end]) < 5.0 * nees.std() / np.sqrt(800)
@@ -232,10 +232,10 @@ BY_AXIS = {
 
 @pytest.mark.slow  # a kernel of its own, most of half a minute to compile
 def test_errors_by_axis_spread_as_linear_covariance_says_and_a_matched_filter_has_them():
-    prepared = changed(MATCHED, imu=BY_AXIS)
-    ratio, interval = agrees(prepared, 800, [5.0, 20.0, 30.0])
+    prepared_case = changed(MATCHED, imu=BY_AXIS)
+    ratio, interval = agrees(prepared_case, 800, [5.0, 20.0, 30.0])
     assert inside(ratio, interval), np.round(ratio, 3)
-    bias, _, _ = filter_models(prepared.scenario)
+    bias, _, _ = filter_models(prepared_case.scenario)
     np.testing.assert_allclose(bias.gyro_bias, np.array([0.1, 2.0, 20.0]) * np.pi / 180.0 / 3600.0, rtol=1e-12)
 
 
@@ -267,8 +267,8 @@ WHERE = [("ramp", (MATCHED,)), ("bandwidth", (MATCHED,)), *((name, (MATCHED, INE
 @pytest.mark.parametrize(("name", "settings"), WHERE)
 def test_what_is_the_same_in_every_run_is_a_mean_of_the_error(name, settings):
     """The mean of 800 runs is within five of its own sigmas of LinCov's, and no zero would be."""
-    prepared = changed(*settings, **MEANS[name])
-    cov, block = covariance(prepared), run_block(prepared, SEED, 0, 800)
+    prepared_case = changed(*settings, **MEANS[name])
+    cov, block = covariance(prepared_case), run_block(prepared_case, SEED, 0, 800)
     for hist in (20, -1):
         off = (block.err[:, hist].mean(axis=0) - cov.mean[hist]) / (cov.true_sigma[hist] / np.sqrt(800))
         assert np.abs(off).max() < 5.0, np.round(off, 1)
@@ -278,6 +278,6 @@ def test_what_is_the_same_in_every_run_is_a_mean_of_the_error(name, settings):
 @pytest.mark.slow
 @pytest.mark.parametrize("settings", [(MATCHED,), (), (LOOSE,)], ids=["matched", "tight", "loose"])
 def test_over_the_whole_ascent_monte_carlo_spreads_as_linear_covariance_says(settings):
-    prepared = ascent(*settings)
-    ratio, interval = agrees(prepared, 400, list(prepared.trajectory.events.values()))
+    prepared_case = ascent(*settings)
+    ratio, interval = agrees(prepared_case, 400, list(prepared_case.trajectory.events.values()))
     assert inside(ratio, interval), np.round(ratio, 3)

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from lvnav_trade.covariance.diagnostics.case_diagnostics import scaled
+from lvnav_trade.covariance.diagnostics.case_diagnostics import scale_source
 from lvnav_trade.covariance.history import adjoint, covariance
 from tests.both_engines.test_closed_forms import DELTA_V, NOWHERE, SECONDS, thrusting
 from tests.building import IDEAL, INERTIAL, TURNED, loaded, prepare_hop, with_fields, with_units
@@ -40,7 +40,7 @@ def test_a_set_of_one_unit_is_that_unit(settings):
     scenario = loaded(*settings)
     one, many = prepare_hop(scenario), prepare_hop(with_units(scenario, [{}]))
     a, b = covariance(one), covariance(many)
-    assert np.array_equal(a.formal, b.formal)
+    assert np.array_equal(a.formal_sigma, b.formal_sigma)
     scale = np.max(a.true_sigma, axis=0)
     # noise that enters at one end of a window, and not half at either, moves by half a window
     assert np.max(np.abs(a.true_sigma - b.true_sigma) / scale) < 1e-5
@@ -63,8 +63,8 @@ def test_what_a_list_of_one_unit_differs_by_is_of_second_order_in_the_window():
 
 def test_the_backward_pass_is_the_forward_one():
     scenario = with_units(loaded(*RICH), [{"lever_arm": ["0.3 m", "0 m", "0 m"]}, TURNED, {"axes": [[1, 1, 1]]}])
-    prepared = prepare_hop(scenario)
-    forward, backward = covariance(prepared), adjoint(prepared, 30.0)
+    prepared_case = prepare_hop(scenario)
+    forward, backward = covariance(prepared_case), adjoint(prepared_case, 30.0)
     by_source = backward.contribution.sum(axis=2)
     assert by_source == pytest.approx(forward.budget[-1, :, :9].T, rel=1e-6, abs=1e-9 * by_source.max())
 
@@ -103,7 +103,7 @@ def test_a_good_unit_beside_a_cheap_one_gains_little_and_equal_weights_lose():
 
 def test_sources_of_a_unit_are_found_in_its_card():
     scenario = with_units(loaded(INERTIAL, "base.imu=imu/tactical_fog"), [{}, TURNED])
-    found = scaled(scenario, "unit 2 gyro scale factor", 3.0)
+    found = scale_source(scenario, "unit 2 gyro scale factor", 3.0)
     first, second = found.imu.units
     assert second.gyro.scale_factor == pytest.approx(3.0 * first.gyro.scale_factor)
 
@@ -113,5 +113,5 @@ def test_the_state_of_a_fused_bias_has_the_error_of_the_sum():
     other = {"gyro": {"random_walk": "0.1 deg/sqrt(h)", "bias_repeatability": "5 deg/h"}, **TURNED}
     scenario = with_units(loaded("base.imu=imu/tactical_fog_matched", "base.filter=filters/tight"), [{}, other])
     cov = covariance(prepare_hop(scenario))
-    assert cov.true_sigma[0, 9:15] == pytest.approx(cov.formal[0, 9:15], rel=1e-9)
-    assert cov.true_sigma[-1, :15] == pytest.approx(cov.formal[-1, :15], rel=0.02)
+    assert cov.true_sigma[0, 9:15] == pytest.approx(cov.formal_sigma[0, 9:15], rel=1e-9)
+    assert cov.true_sigma[-1, :15] == pytest.approx(cov.formal_sigma[-1, :15], rel=0.02)

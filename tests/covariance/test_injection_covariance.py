@@ -11,13 +11,13 @@ from scipy.stats import chi2
 from lvnav_trade.covariance.history import covariance
 from lvnav_trade.covariance.injection_covariance import injection_law, injection_rows
 from lvnav_trade.quantities.records import INJECTION, NO_INJECTIONS, ORBIT
-from lvnav_trade.simulation.guided_runs import in_inertial_axes
+from lvnav_trade.simulation.guided_runs import inertial_errors_of
 from lvnav_trade.simulation.montecarlo import run_block
 from lvnav_trade.simulation.preparation.prepare import prepare
 from lvnav_trade.trajectory.guided.ascent_runs import inject
 from lvnav_trade.trajectory.guided.guidance_plan import steering_times
 from lvnav_trade.trajectory.guided.guided_dynamics import NavigationErrors
-from lvnav_trade.trajectory.guided.orbit_numbers import orbit_difference, orbit_of
+from lvnav_trade.trajectory.guided.orbit_numbers import orbit_difference, osculating_orbit
 from lvnav_trade.trajectory.guided.sensitivity import sensitivity
 from tests.building import loaded
 
@@ -40,9 +40,9 @@ def case(vehicle="electron_leo", guidance="explicit", runs=RUNS, filter_card="ti
         START,
         *([] if aided else ["base.filter.measurements=[]"]),
     )
-    prepared = prepare(scenario, 1.0)
-    found = run_block(prepared, SEED, 0, runs) if runs else None
-    return prepared, covariance(prepared), found
+    prepared_case = prepare(scenario, 1.0)
+    found = run_block(prepared_case, SEED, 0, runs) if runs else None
+    return prepared_case, covariance(prepared_case), found
 
 
 def parts(block):
@@ -51,17 +51,19 @@ def parts(block):
     return np.moveaxis(rows[:, 3:].reshape(-1, 2, len(ORBIT)), 1, 0)
 
 
-def derivatives(prepared):
+def derivatives(prepared_case):
     """Return the derivatives of an injection by the navigation errors that guidance has."""
-    return sensitivity(prepared.plan, prepared.t_hist[steering_times(prepared.plan, prepared.t_hist)])
+    return sensitivity(
+        prepared_case.plan, prepared_case.t_hist[steering_times(prepared_case.plan, prepared_case.t_hist)]
+    )
 
 
-def by_navigation(prepared, block):
+def by_navigation(prepared_case, block):
     """Return the error (n_run, n_orbit) of vehicles of which nothing is drawn, with the navigation errors of runs."""
-    plan, errors = prepared.plan, in_inertial_axes(prepared, block.err)
-    known = steering_times(plan, prepared.record.t)
-    flown = [inject(plan, {}, NavigationErrors(prepared.record.t[known], one[known])).y for one in errors]
-    return orbit_difference(orbit_of(np.stack(flown)), orbit_of(plan.nominal[None])[0])
+    plan, errors = prepared_case.plan, inertial_errors_of(prepared_case, block.err)
+    known = steering_times(plan, prepared_case.record.t)
+    flown = [inject(plan, {}, NavigationErrors(prepared_case.record.t[known], one[known])).y for one in errors]
+    return orbit_difference(osculating_orbit(np.stack(flown)), osculating_orbit(plan.nominal[None])[0])
 
 
 def within(spread, sigma, n, n_test):
@@ -72,19 +74,19 @@ def within(spread, sigma, n, n_test):
 
 def test_the_injection_of_each_run_is_that_of_its_navigation_errors_to_first_order():
     """No statistics: what a run's navigation errors do to the vehicle of the card is a sum over its flight."""
-    prepared, _, block = case()
-    found = derivatives(prepared)
-    errors = in_inertial_axes(prepared, block.err)[:, : len(found.navigation)]
+    prepared_case, _, block = case()
+    found = derivatives(prepared_case)
+    errors = inertial_errors_of(prepared_case, block.err)[:, : len(found.navigation)]
     expected = np.einsum("kne,rke->rn", found.navigation, errors)[:, : len(ORBIT)]
     off = found.reference[: len(ORBIT)] - found.target
-    flown = by_navigation(prepared, block) - off
+    flown = by_navigation(prepared_case, block) - off
     for k in LINEAR:
         assert np.std(flown[:, k] - expected[:, k]) < 0.1 * np.std(expected[:, k]), ORBIT[k]
 
 
 def test_both_engines_agree_on_the_injection():
-    prepared, history, block = case()
-    law, (error, knowledge), navigation = history.injection, parts(block), by_navigation(prepared, block)
+    prepared_case, history, block = case()
+    law, (error, knowledge), navigation = history.injection, parts(block), by_navigation(prepared_case, block)
     assert len(error) == RUNS
     total = np.sqrt(np.einsum("snn->n", law.covariance))
     of_navigation = np.sqrt(np.einsum("snn->n", law.covariance[: law.n_navigation]))[: len(ORBIT)]
@@ -122,14 +124,14 @@ def test_the_covariance_by_source_sums_to_that_of_each_pair_of_numbers():
 
 
 def _vehicle():
-    prepared, _, _ = case()
-    return derivatives(prepared).vehicle
+    prepared_case, _, _ = case()
+    return derivatives(prepared_case).vehicle
 
 
 def test_a_variance_of_sums_gives_back_a_covariance_that_is_known():
     """Errors (9,) at one time with a known covariance, through the rows and back."""
-    prepared, _, _ = case()
-    found = derivatives(prepared)
+    prepared_case, _, _ = case()
+    found = derivatives(prepared_case)
     draws = np.random.default_rng(3)
     root = draws.standard_normal((9, 9)) * np.array([1e-5] * 3 + [0.05] * 3 + [5.0] * 3)[:, None]
     k = len(found.navigation) // 2
@@ -151,22 +153,22 @@ def test_a_variance_of_sums_gives_back_a_covariance_that_is_known():
 
 def test_the_injection_does_not_depend_on_how_often_the_history_is_kept():
     """Searches and trade spaces keep a history time a minute; guidance reads the errors every second all the same."""
-    prepared, history, _ = case()
-    seldom = covariance(prepare(prepared.scenario, 60.0)).injection
+    prepared_case, history, _ = case()
+    seldom = covariance(prepare(prepared_case.scenario, 60.0)).injection
     np.testing.assert_allclose(seldom.covariance, history.injection.covariance, rtol=1e-9)
 
 
 def test_without_guidance_there_is_no_injection():
-    prepared, history, block = case()
-    assert covariance(prepared._replace(plan=None)).injection is None
-    assert history.injection.why == ""
+    prepared_case, history, block = case()
+    assert covariance(prepared_case._replace(plan=None)).injection is None
+    assert history.injection.reason == ""
     assert block.injections is not NO_INJECTIONS
 
 
 def test_navigation_is_the_same_with_and_without_the_injection():
-    prepared, history, _ = case()
-    plain = covariance(prepared._replace(plan=None))
-    for name in ("formal", "true_sigma", "mean", "budget"):
+    prepared_case, history, _ = case()
+    plain = covariance(prepared_case._replace(plan=None))
+    for name in ("formal_sigma", "true_sigma", "mean", "budget"):
         np.testing.assert_array_equal(getattr(history, name), getattr(plain, name))
 
 
@@ -176,8 +178,8 @@ def test_navigation_is_the_same_with_and_without_the_injection():
 @pytest.mark.parametrize("vehicle", ["two_stage_leo", "electron_leo", "churchill_sso"])
 def test_both_engines_agree_on_three_vehicles(vehicle, aided, guidance):
     """500 runs, family-wise; numbers that act to second order, or deplete, are said to do so first."""
-    prepared, history, _ = case(vehicle, guidance, 0, "tight_extended", aided)
-    blocks = (run_block(prepared, SEED, first, 50) for first in range(0, 500, 50))  # 500 whole runs are 3 GB
+    prepared_case, history, _ = case(vehicle, guidance, 0, "tight_extended", aided)
+    blocks = (run_block(prepared_case, SEED, first, 50) for first in range(0, 500, 50))  # 500 whole runs are 3 GB
     law, (error, knowledge) = history.injection, np.concatenate([parts(block) for block in blocks], axis=1)
     sigma = np.sqrt(np.einsum("snn->n", law.covariance))
     usable = [k for k in LINEAR if law.second_order[k] <= 0.3 * sigma[k]]

@@ -6,17 +6,17 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lvnav_trade.covariance.components import components
+from lvnav_trade.covariance.components import build_components
 from lvnav_trade.covariance.receiver_error import (
     N_SOLUTION_ENTRY,
     advance_solution,
-    clone_back,
+    clone_adjoint,
     clone_error,
     clone_states,
     complete_rows,
-    solution_back,
+    solution_adjoint,
 )
-from lvnav_trade.covariance.slots import as_lanes
+from lvnav_trade.covariance.slots import arrange_lanes
 from lvnav_trade.kernels.jit import jit
 from lvnav_trade.kernels.lanes import GROUP, grouped_zeros
 from lvnav_trade.kernels.transition import ATT, POS, VEL
@@ -24,7 +24,7 @@ from lvnav_trade.simulation.epoch.joint import N_CLONE, N_NAV
 from lvnav_trade.simulation.preparation.signals.solution import SolutionErrorModel
 from tests.building import LOOSE, loaded, prepare_hop, with_fields
 from tests.covariance.small import of_lanes
-from tests.filter.policies.test_delay import late as a_late
+from tests.filter.policies.test_delay import delays as a_late
 
 N_FILTER, M, N_ALL = 4, 3, 9  # four states of the filter, three of a solution's error, two that are cloned
 
@@ -56,7 +56,7 @@ class Truth(NamedTuple):
     solution_source: np.ndarray
     source: np.ndarray
     slot: np.ndarray
-    first_shared: int = 0
+    first_correlated: int = 0
     clone: int = 0
 
 
@@ -74,7 +74,10 @@ def joint_of(sources, cross, variance, mean):
     group, lane = place // GROUP, place % GROUP
     n_group, n_slot = int(group.max()) + 1, cross.shape[1]
     joint = Joint(
-        as_lanes(sources, group, lane), as_lanes(cross, group, lane), as_lanes(variance, group, lane), mean.copy()
+        arrange_lanes(sources, group, lane),
+        arrange_lanes(cross, group, lane),
+        arrange_lanes(variance, group, lane),
+        mean.copy(),
     )
     true = Truth(
         group, lane, np.full(n_group, n_slot), np.ones((n_group, n_slot), dtype=bool), N_FILTER, np.array([0, 1]),
@@ -104,15 +107,15 @@ def dense(chain):
     """The same step in one matrix of the joint vector and the two components."""
     step = np.eye(N_ALL + 2)
     s = slice(N_FILTER, N_FILTER + M)
-    step[s, s], step[s, N_ALL:] = chain.move[0], chain.shared[0]
-    return step, chain.white[0]
+    step[s, s], step[s, N_ALL:] = chain.transition[0], chain.correlated_input[0]
+    return step, chain.noise_input[0]
 
 
 def test_a_solutions_error_advances_as_in_dense_matrices():
     chain, joint, true, scratch, full = setting()
     step, white = dense(chain)
     mean = step[:N_ALL, :N_ALL] @ joint.mean
-    mean[N_FILTER : N_FILTER + M] += chain.push[0]
+    mean[N_FILTER : N_FILTER + M] += chain.deterministic_error[0]
     advance_solution(joint, scratch, chain, true, 0)
     expected = step @ full @ step.T
     s = slice(N_FILTER, N_FILTER + M)
@@ -130,7 +133,7 @@ def test_backwards_multipliers_see_what_goes_in_forwards():
     step, white = dense(chain)
     rows = np.random.default_rng(5).standard_normal((2, N_ALL))
     back = Back(rows.copy(), np.zeros((2, 2)), np.zeros((2, 2, 1)))
-    solution_back(back, np.zeros(N_ALL), chain, true, 0, 0)
+    solution_adjoint(back, np.zeros(N_ALL), chain, true, 0, 0)
     before = np.hstack([rows, np.zeros((2, 2))]) @ step
     np.testing.assert_allclose(back.e, before[:, :N_ALL], rtol=1e-12)
     np.testing.assert_allclose(back.c, before[:, N_ALL:], rtol=1e-12)
@@ -152,26 +155,26 @@ def test_a_clone_is_a_copy_with_all_its_correlations():
 
 
 @jit
-def cloned(joint, true, late, window):
-    clone_error(joint, true, late, window)
+def cloned(joint, true, delays, window):
+    clone_error(joint, true, delays, window)
 
 
 @jit
-def cloned_back(back, true, late, window):
-    clone_back(back, true, late, window)
+def cloned_back(back, true, delays, window):
+    clone_adjoint(back, true, delays, window)
 
 
 def test_epochs_on_their_way_have_clones_of_their_own_and_go_back_to_the_states_of_their_time():
-    """Two epochs at once: the error is cloned at the windows that `late` names, in the ring place of each epoch."""
+    """Two epochs at once: the error is cloned at the windows that `delays` names, in the ring place of each epoch."""
     rng, n = np.random.default_rng(6), N_NAV + 2 * N_CLONE
     root = rng.standard_normal((n, n))
     start = root @ root.T
     joint, true, _ = joint_of(start[None], np.zeros((1, 1, n)), np.zeros((1, 1, 1)), rng.standard_normal(n))
     true = true._replace(clone=N_NAV)
     valid, early = np.array([[4, 5], [5, 6]]), np.array([[5, 5], [4, 4]])
-    late = a_late(
-        extrapolated=False, n_ring=np.array([2]), valid=valid[None], early=early[None], delay=np.zeros(6),
-        offset=np.zeros((1, 6)), base=np.ones(6),
+    delays = a_late(
+        is_extrapolated=False, n_ring=np.array([2]), state_epochs=valid[None],
+        velocity_epochs=early[None], delay=np.zeros(6), offset=np.zeros((1, 6)), base=np.ones(6),
     )  # fmt: skip
     copies = []
     for window in range(2):
@@ -179,35 +182,35 @@ def test_epochs_on_their_way_have_clones_of_their_own_and_go_back_to_the_states_
         copy[at : at + N_NAV] = 0.0
         copy[at : at + N_NAV, :N_NAV] = np.eye(N_NAV)
         copies.append(copy)
-        cloned(joint, true, late, window)
+        cloned(joint, true, delays, window)
     whole = copies[1] @ copies[0]
     np.testing.assert_allclose(of_lanes(joint.sources, 0), whole @ start @ whole.T)
     rows = rng.standard_normal((2, n))
     back = Back(rows.copy(), np.zeros((2, 1)), np.zeros((2, 1, 1)))
     for window in (1, 0):
-        cloned_back(back, true, late, window)
+        cloned_back(back, true, delays, window)
     np.testing.assert_allclose(back.e, rows @ whole)
 
 
 def tables(kind, **settings):
     scenario = loaded(LOOSE)
     card = with_fields(scenario.filter, delay_compensation={"kind": kind, **settings})
-    prepared = prepare_hop(scenario.model_copy(update={"filter": card}))
-    return prepared, components(prepared)
+    prepared_case = prepare_hop(scenario.model_copy(update={"filter": card}))
+    return prepared_case, build_components(prepared_case)
 
 
 def test_only_navigation_errors_of_a_buffered_measurement_are_those_of_its_time():
-    prepared, true = tables("buffered")
-    model = prepared.model
-    assert prepared.options.late.buffered.all()
-    assert true.clone == prepared.layout.n_state
+    prepared_case, true = tables("buffered")
+    model = prepared_case.model
+    assert prepared_case.options.delay_processing.is_buffered.all()
+    assert true.clone == prepared_case.layout.n_state
     for channel in range(6):
         n = model.n_entry[channel]
         own, found = model.column[channel, :n], true.column[0, channel, :n]
         np.testing.assert_array_equal(found, np.where(own < N_NAV, true.clone + own, own))
         assert {ATT, VEL, POS} & set(own.tolist())
     extrapolated, other = tables("extrapolated")
-    assert not extrapolated.options.late.buffered.any()
+    assert not extrapolated.options.delay_processing.is_buffered.any()
     assert other.column[0, 0].min() < N_NAV
 
 

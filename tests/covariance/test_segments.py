@@ -24,23 +24,23 @@ def restarted(after_stop, start):
     logic = {"start_after": 2, "correct_after": "1 s", "stop_after": "3 s", "after_stop": after_stop}
     scenario = loaded(MATCHED, LOOSE)
     card = with_fields(scenario.filter, feedback="open", logic=logic, init=start)
-    prepared = prepare_hop(with_fields(scenario.model_copy(update={"filter": card}), faults=LOSSES))
-    modes = [MODES[int(mode)] for mode in run_block(prepared, 3, 0, 1).changes[:, 3]]
+    prepared_case = prepare_hop(with_fields(scenario.model_copy(update={"filter": card}), faults=LOSSES))
+    modes = [MODES[int(mode)] for mode in run_block(prepared_case, 3, 0, 1).changes[:, 3]]
     assert (modes.count("converging"), modes.count("stopped")) == (3, 2)
-    return prepared
+    return prepared_case
 
 
 @pytest.mark.parametrize("start", ["from_card", "from_gnss"])
 @pytest.mark.parametrize("after_stop", ["inertial", "predicted"])
 def test_linear_covariance_describes_outputs_after_restarts(after_stop, start):
-    prepared = restarted(after_stop, start)
-    history, err = covariance(prepared), run_block(prepared, 3, 0, RUNS).err[:, :, :9]
-    at = [int(np.argmin(np.abs(prepared.t_hist - t))) for t in TIMES]
+    prepared_case = restarted(after_stop, start)
+    history, err = covariance(prepared_case), run_block(prepared_case, 3, 0, RUNS).err[:, :, :9]
+    at = [int(np.argmin(np.abs(prepared_case.t_hist - t))) for t in TIMES]
     ratio = err[:, at].var(axis=0, ddof=1) / history.true_sigma[at, :9] ** 2
     tail = 1e-3 / 2 / ratio.size
     low, high = chi2.ppf([tail, 1.0 - tail], RUNS - 1) / (RUNS - 1)
     assert np.all((ratio > low) & (ratio < high)), ratio.round(2)
     for hist in at:
         variance = history.true_sigma[hist, :9] ** 2
-        contribution = adjoint(prepared, float(prepared.t_hist[hist])).contribution.sum(axis=(1, 2))
+        contribution = adjoint(prepared_case, float(prepared_case.t_hist[hist])).contribution.sum(axis=(1, 2))
         np.testing.assert_allclose(contribution, variance, rtol=1e-6)

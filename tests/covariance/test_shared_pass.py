@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lvnav_trade.campaign.definition.axes import cases, put
+from lvnav_trade.campaign.definition.axes import cases, with_value
 from lvnav_trade.campaign.reading.load import load
-from lvnav_trade.campaign.search.point import frozen, with_filter
+from lvnav_trade.campaign.search.point import frozen_filter, with_filter
 from lvnav_trade.covariance.history import covariance
 from lvnav_trade.covariance.shared_pass import covariance_of, is_same_filter, largest_difference, shared_pass
 from lvnav_trade.quantities.records import CovHistory
@@ -26,7 +26,7 @@ UNITS = ("rad/s", "m/s**1.5", "rad", "m")
 def scenario(base: Scenario, sigmas: tuple[float, ...]) -> Scenario:
     data = base.model_dump(mode="json")
     for path, unit, sigma in zip(STEPS, UNITS, sigmas, strict=True):
-        data = put(data, path.split("."), f"{sigma!r} {unit}")
+        data = with_value(data, path.split("."), f"{sigma!r} {unit}")
     return with_filter(Scenario.model_validate(data), base.filter)
 
 
@@ -34,7 +34,7 @@ def scenario(base: Scenario, sigmas: tuple[float, ...]) -> Scenario:
 def base() -> Scenario:
     """A case whose filter has numbers of its own and no model that follows the truth."""
     found = cases(load("smoke"))[0].scenario
-    return with_filter(found, frozen(found))
+    return with_filter(found, frozen_filter(found))
 
 
 def passed(base: Scenario, sigmas: tuple[float, ...]) -> CovHistory:
@@ -61,7 +61,7 @@ def test_a_shared_pass_equals_a_pass_of_its_own(base, record_property) -> None:
         # a bias that the filter finds to a thousandth: a pass of its own rounds as much
         np.testing.assert_allclose(found.true_sigma[:, 9:], alone.true_sigma[:, 9:], rtol=1e-11, atol=0.0)
         np.testing.assert_allclose(found.false_rejection, alone.false_rejection, rtol=1e-9, atol=1e-30)
-        np.testing.assert_array_equal(found.formal, alone.formal)
+        np.testing.assert_array_equal(found.formal_sigma, alone.formal_sigma)
         assert found.sources == alone.sources
     record_property("largest difference of a shared pass from one of its own", worst)
     assert worst < 1e-11
@@ -71,10 +71,10 @@ def test_guided_ascents_share_their_injection() -> None:
     """A guided ascent whose gyro bias varies: the injection's covariance is shared, its other sources stay."""
     guidance = "{card: trajectories/electron_leo, guidance: explicit, dispersion: {draw: [thrust]}}"
     found = cases(load("smoke", (f"base.trajectory={guidance}",)))[0].scenario
-    guided = with_filter(found, frozen(found))
+    guided = with_filter(found, frozen_filter(found))
 
     def flown(sigma: float) -> CovHistory:
-        data = put(guided.model_dump(mode="json"), ["imu", "gyro", "bias_repeatability"], f"{sigma!r} rad/s")
+        data = with_value(guided.model_dump(mode="json"), ["imu", "gyro", "bias_repeatability"], f"{sigma!r} rad/s")
         return covariance(prepare(with_filter(Scenario.model_validate(data), guided.filter), 60.0))
 
     shared = shared_pass(np.inf, [1e-7], [1e-4], flown(1e-7), [flown(1e-4)])

@@ -19,12 +19,12 @@ def test_each_source_stands_once_and_an_unaided_filter_has_no_noise_of_measureme
 
 
 def test_a_late_measurement_is_of_the_navigation_errors_of_its_clone():
-    prepared = case(*LATE)
-    n = prepared.layout.n_state
-    assert n_joint(prepared) == n + N_CLONE
-    table = measurement_tables(prepared, source_names(prepared))
+    prepared_case = case(*LATE)
+    n = prepared_case.layout.n_state
+    assert n_joint(prepared_case) == n + N_CLONE
+    table = measurement_tables(prepared_case, source_names(prepared_case))
     columns = table["column"][0, 0, : table["n_entry"][0]]
-    assert set(columns.tolist()) <= {*range(n, n + 9), prepared.layout.clock}
+    assert set(columns.tolist()) <= {*range(n, n + 9), prepared_case.layout.clock}
     plain = measurement_tables(case(), source_names(case()))
     assert plain["column"].max() < n
 

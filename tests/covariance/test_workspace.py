@@ -15,18 +15,18 @@ def test_a_tape_that_keeps_nothing_has_no_length():
 
 
 def test_a_tape_holds_every_update_of_the_filter_in_order():
-    prepared = case()
-    tape = forward_tape(prepared)
-    used = int(tape.used[0])
-    assert used == 2 * int(prepared.signals.n_used.sum()) == tape.first[-1]
+    prepared_case = case()
+    tape = forward_tape(prepared_case)
+    used = int(tape.n_recorded[0])
+    assert used == 2 * int(prepared_case.signals.n_used.sum()) == tape.first[-1]
     assert sorted(tape.epoch[:used].tolist()) == tape.epoch[:used].tolist()
     assert set((tape.channel[:used] % 2).tolist()) == {0, 1}
 
 
 def test_a_loose_filter_has_six_rows_where_there_are_four_satellites():
-    prepared = case(LOOSE)
-    tape = forward_tape(prepared)
-    assert int(tape.used[0]) == 6 * int((prepared.signals.n_used >= 4).sum())
+    prepared_case = case(LOOSE)
+    tape = forward_tape(prepared_case)
+    assert int(tape.n_recorded[0]) == 6 * int((prepared_case.signals.n_used >= 4).sum())
 
 
 def test_gains_of_samples_have_room_for_every_joint_state() -> None:

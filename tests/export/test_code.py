@@ -7,7 +7,7 @@ import subprocess
 
 import pytest
 
-from lvnav_trade.export.code import ESTIMATED, INPUTS, exported
+from lvnav_trade.export.code import ESTIMATED, INPUTS, translate_filter
 from lvnav_trade.quantities.errors import InputError
 from tests.both_engines.covering import DIMENSIONS, covering, refusal
 from tests.export.cases import FIRST, prepared_of
@@ -19,7 +19,7 @@ SOME = [case for case in covering() if not refusal(case) and case["gains"] == FI
 @needs_compiler
 @pytest.mark.parametrize("case", SOME, ids=lambda case: f"{case['measurements']}, {case['algorithm']}")
 def test_a_case_of_the_matrix_is_c99_without_a_warning(tmp_path, case):
-    made = exported(prepared_of(case), "A case.")
+    made = translate_filter(prepared_of(case), "A case.")
     (tmp_path / "nav_filter.h").write_text(made.header)
     (tmp_path / "nav_filter.c").write_text(made.source)
     flags = ["-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Werror", "-fsyntax-only", "nav_filter.c"]
@@ -30,32 +30,35 @@ def test_a_case_of_the_matrix_is_c99_without_a_warning(tmp_path, case):
 
 
 def test_the_header_says_what_the_states_and_the_fields_are():
-    made = exported(prepared_of({"measurements": "ranges"}), "Filter of a test.")
+    made = translate_filter(prepared_of({"measurements": "ranges"}), "Filter of a test.")
     assert made.header.startswith("/* Filter of a test.")
     assert "    6 position x\n" in made.header
-    assert "double satellite[24][3]; /* its position when it sent (m), inertial frame */" in made.header
+    assert (
+        "double satellite_position[24][3]; /* position of a satellite at transmission (m), inertial frame */"
+        in made.header
+    )
     assert ESTIMATED["P"] in made.header
     assert re.search(r"void nav_filter_propagate\(struct nav_filter \*self\);", made.header)
 
 
 def test_an_open_loop_has_corrected_outputs():
-    assert exported(prepared_of({"correction": "open"}), "").open_loop
-    assert "nav_filter_correct_outputs(" in exported(prepared_of({"correction": "open"}), "").header
-    assert "nav_filter_correct_outputs(" not in exported(prepared_of({"correction": "closed"}), "").header
+    assert translate_filter(prepared_of({"correction": "open"}), "").open_loop
+    assert "nav_filter_correct_outputs(" in translate_filter(prepared_of({"correction": "open"}), "").header
+    assert "nav_filter_correct_outputs(" not in translate_filter(prepared_of({"correction": "closed"}), "").header
 
 
 def test_differences_of_epochs_are_told_of_two_epochs():
     phases = next(name for name, card in DIMENSIONS["measurements"].items() if "tdcp" in card["filter.measurements"])
-    made = exported(prepared_of({"measurements": phases}), "")
+    made = translate_filter(prepared_of({"measurements": phases}), "")
     assert made.depth == 2
     assert "modulo 2" in made.header
 
 
 def test_redundant_units_are_refused():
-    prepared = prepared_of({})
+    prepared_case = prepared_of({})
 
     class Units:
         redundant = True
 
     with pytest.raises(InputError, match="tested before the filter"):
-        exported(prepared._replace(options=prepared.options._replace(units=Units())), "")
+        translate_filter(prepared_case._replace(options=prepared_case.options._replace(imu_array=Units())), "")

@@ -17,5 +17,5 @@ def test_the_steps_are_those_of_the_flight():
         (entries.update, "update"),
     ):
         assert f"steps.{called}(" in inspect.getsource(entry)
-        assert f"{called}(work, parts" in flown
+        assert f"{called}(work, optional_state" in flown
         assert hasattr(steps, called)

@@ -17,7 +17,7 @@ def smoke():
 def test_without_runs_there_is_the_code_alone(smoke):
     found = made.filter_code(*smoke, runs=0, progress=lambda _: None)
     assert set(found.files) == {"nav_filter.h", "nav_filter.c", "README.md"}
-    assert found.replayed is None
+    assert found.differences is None
     assert found.agrees
     assert smoke[1].id in str(found.files["nav_filter.h"])
 
@@ -50,4 +50,4 @@ def test_a_label_is_no_markup_of_the_page_and_no_comment_within_one(smoke):
     found = made.filter_code(campaign, case._replace(label="<img src=x> [a](b) `c` */ /* d"), 0, lambda _: None)
     page = str(found.files["README.md"])
     assert "\\<img src=x\\> \\[a\\](b) \\`c\\`" in page
-    assert "/* d" not in str(found.files["nav_filter.h"])
+    assert "/* d (" not in str(found.files["nav_filter.h"])

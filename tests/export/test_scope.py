@@ -11,7 +11,7 @@ from lvnav_trade.quantities.errors import InputError
 
 
 def _prepared(units):
-    return SimpleNamespace(options=SimpleNamespace(units=units))
+    return SimpleNamespace(options=SimpleNamespace(imu_array=units))
 
 
 def test_redundant_imus_are_refused_and_others_are_not():

@@ -9,10 +9,10 @@ import pytest
 
 from lvnav_trade.filter.decorrelation import decorrelate
 
-Work = namedtuple("Work", "reported z H")
+Work = namedtuple("Work", "reported_covariance z H")
 Parts = namedtuple("Parts", "sigma_points state_history")
 Case = namedtuple("Case", "model signals options")
-Model = namedtuple("Model", "has_covariance measured")
+Model = namedtuple("Model", "has_reported_covariance is_processed")
 Signals = namedtuple("Signals", "scale variance")
 Options = namedtuple("Options", "gains")
 Receiver = namedtuple("Receiver", "covariance")

@@ -80,8 +80,8 @@ def test_rows_stand_for_the_states_they_depend_on():
     assert list(without.n_entry) == [4, 7] * 3
     assert list(with_lever.n_entry) == [7, 13] * 3
     assert list(unbiased.n_entry) == [7, 10] * 3
-    assert list(without.row_type) == [PSEUDORANGE, RANGE_RATE] * 3
-    assert list(loose.row_type) == [POSITION] * 3 + [VELOCITY] * 3
+    assert list(without.channel_type) == [PSEUDORANGE, RANGE_RATE] * 3
+    assert list(loose.channel_type) == [POSITION] * 3 + [VELOCITY] * 3
     gyro_bias = layout.parameters[0].offset  # an antenna swings with the rate that the gyro gives, less its bias
     attitude, velocity, position, rate = (set(range(at, at + 3)) for at in (ATT, VEL, POS, gyro_bias))
     assert columns(with_lever, 0) == position | attitude | {layout.clock}
@@ -183,4 +183,4 @@ def test_settings_reach_the_numbers_of_the_kernels():
     assert (plain.joseph, other.joseph) == (False, True)
     assert plain.strapdown.gravity != other.strapdown.gravity
     assert set(other.block_kinds) != set(plain.block_kinds)
-    assert plain.fading  # the accelerometer bias has a time constant here
+    assert plain.has_decay  # the accelerometer bias has a time constant here

@@ -59,5 +59,5 @@ def test_the_formal_sigma_of_position_is_the_steady_state_of_a_random_walk():
     history = covariance(case)
     updated = np.isin(history.t, case.t_epoch[5:])
     assert updated.sum() > 500
-    formal = history.formal[updated, POS : POS + 3]
+    formal = history.formal_sigma[updated, POS : POS + 3]
     np.testing.assert_allclose(formal, math.sqrt(_steady(SIGMA**2, NOISE**2)), rtol=1e-3)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from lvnav_trade.filter.states import TYPES, row_types
+from lvnav_trade.filter.states import TYPES, channel_types
 from lvnav_trade.quantities.state_layout import state_names
 from tests.building import MATCHED, case
 
@@ -15,11 +15,11 @@ TDCP = (
 
 
 def test_a_difference_has_what_a_range_has_and_the_same_of_the_clones():
-    prepared = case(*TDCP)
-    model, names, channels = prepared.model, state_names(prepared.layout), prepared.channels
-    seen = int(np.flatnonzero(channels.seen)[0])
+    prepared_case = case(*TDCP)
+    model, names, channels = prepared_case.model, state_names(prepared_case.layout), prepared_case.channels
+    seen = int(np.flatnonzero(channels.is_tracked)[0])
     of_range, of_difference = (
-        model.n_kind * seen + channels.observables.index(name) for name in ("pseudorange", "tdcp")
+        model.n_observable * seen + channels.observables.index(name) for name in ("pseudorange", "tdcp")
     )
     ranged, differenced = ({names[s] for s in model.column[channel, : model.n_entry[channel]]}
                            for channel in (of_range, of_difference))  # fmt: skip
@@ -31,5 +31,5 @@ def test_a_difference_has_what_a_range_has_and_the_same_of_the_clones():
 
 def test_channels_of_a_satellite_have_the_types_of_its_observables():
     channels = case(*TDCP).channels
-    found = row_types(channels)[: len(channels.observables)]
+    found = channel_types(channels)[: len(channels.observables)]
     assert found.tolist() == [TYPES[name] for name in ("pseudorange", "range_rate", "tdcp")]

@@ -10,10 +10,10 @@ import pytest
 from lvnav_trade.filter.card import FilterCard
 from lvnav_trade.filter.strapdown_algorithm import (
     StrapdownCard,
+    build_strapdown,
     optimised_weights,
     polynomial_weights,
     recursive_weights,
-    strapdown_of,
 )
 from lvnav_trade.kernels.attitude import matrix, small_rotation
 from lvnav_trade.kernels.earth import OMEGA
@@ -37,12 +37,12 @@ def test_the_weights_are_the_published_ones():
         5: [250 / 504, 525 / 504, 650 / 504, 1375 / 504],
     }  # fmt: skip
     for subsamples, weights in published.items():
-        found, across = optimised_weights(subsamples, with_previous=False)
+        found, across = optimised_weights(subsamples, uses_previous_step=False)
         np.testing.assert_allclose(found, weights, rtol=1e-15)
         assert across == 0.0
-    found, across = optimised_weights(2, with_previous=True)
+    found, across = optimised_weights(2, uses_previous_step=True)
     np.testing.assert_allclose([*found, across], [32 / 45, -1 / 180], rtol=1e-14)
-    assert optimised_weights(1, with_previous=True)[1] == pytest.approx(1 / 12, rel=1e-15)
+    assert optimised_weights(1, uses_previous_step=True)[1] == pytest.approx(1 / 12, rel=1e-15)
 
 
 def test_the_polynomials_weights_are_the_published_ones():
@@ -76,10 +76,10 @@ def test_savages_recursion_is_its_sum():
 
 def residual(algorithm, ratio, b):
     """Return the coning that is left of a step, over the square of the amplitude: b of a subsample (rad)."""
-    how, x = strapdown_of(StrapdownCard(algorithm=algorithm, ratio=ratio), "point"), ratio * b
-    pairs = np.zeros((0, 0)) if how.further is None else how.further.pairs
+    how, x = build_strapdown(StrapdownCard(algorithm=algorithm, ratio=ratio), "point"), ratio * b
+    pairs = np.zeros((0, 0)) if how.extensions is None else how.extensions.pairs
     y = b if pairs.size else x  # what is multiplied across the steps: neighbouring increments, or sums
-    found = 0.5 * (x - math.sin(x)) - how.across * 4.0 * math.sin(0.5 * y) ** 2 * math.sin(y)
+    found = 0.5 * (x - math.sin(x)) - how.previous_step_weight * 4.0 * math.sin(0.5 * y) ** 2 * math.sin(y)
     for (j, k), weight in np.ndenumerate(pairs):
         found -= weight * 4.0 * math.sin(0.5 * b) ** 2 * math.sin((k - j) * b)
     for j, weight in enumerate(how.weights):
@@ -89,8 +89,8 @@ def residual(algorithm, ratio, b):
 
 def flown(nav, increments, T, algorithm, ratio):
     """Return the navigation state after all increments, of which the first step is that before the start."""
-    how = strapdown_of(StrapdownCard(algorithm=algorithm, ratio=ratio), "point")
-    before = increments[ratio - 1] if how.further is not None else increments[:ratio].sum(axis=0)
+    how = build_strapdown(StrapdownCard(algorithm=algorithm, ratio=ratio), "point")
+    before = increments[ratio - 1] if how.extensions is not None else increments[:ratio].sum(axis=0)
     nav, sums, previous = nav.copy(), np.zeros(N_SUM), before.copy()
     gained = np.zeros(3)
     for first in range(ratio, len(increments), ratio):
@@ -124,9 +124,11 @@ def test_coning_drifts_by_what_the_algorithm_leaves(algorithm, ratio):
 @pytest.mark.parametrize(("algorithm", "ratio"), ALGORITHMS)
 def test_the_drift_grows_with_the_published_power_of_the_frequency(algorithm, ratio):
     # 2 K + 3 of K products: Miller's 2 N + 1 of the present step alone
-    how = strapdown_of(StrapdownCard(algorithm=algorithm, ratio=ratio), "point")
+    how = build_strapdown(StrapdownCard(algorithm=algorithm, ratio=ratio), "point")
     # a recursion has its one product of neighbours for each increment, a polynomial two powers for two of them
-    count = {"recursive": 1, "polynomial": ratio // 2}.get(algorithm, len(how.weights) + (how.across != 0.0))
+    count = {"recursive": 1, "polynomial": ratio // 2}.get(
+        algorithm, len(how.weights) + (how.previous_step_weight != 0.0)
+    )
     x = 0.3 if count < 3 else 1.2  # rad a step: above rounding, and below the next power
     power = math.log2(residual(algorithm, ratio, x / ratio) / residual(algorithm, ratio, 0.5 * x / ratio))
     assert power == pytest.approx(2 * count + 3, abs=0.12)
@@ -148,7 +150,7 @@ def test_sculling_leaves_what_coning_leaves(algorithm, ratio):
 
 def test_summed_increments_turn_the_velocity_gained_by_the_attitude_at_the_end():
     increments = np.array([[0.02, 0.01, -0.03, 0.4, -0.1, 0.2], [0.01, -0.02, 0.03, 0.3, 0.2, -0.1]])
-    how, nav, sums = strapdown_of(StrapdownCard(algorithm="summed", ratio=2), "point"), np.zeros(10), np.zeros(N_SUM)
+    how, nav, sums = build_strapdown(StrapdownCard(algorithm="summed", ratio=2), "point"), np.zeros(10), np.zeros(N_SUM)
     nav[Q], nav[R] = 1.0, FAR
     mechanise(nav, sums, np.ones(6), increments, 1, 0.01, how, 0.0)
     expected = np.reshape(matrix(*nav[Q : Q + 4]), (3, 3)) @ increments[:, 3:].sum(axis=0)  # equation 3 of the paper
@@ -188,7 +190,7 @@ def test_a_cone_that_sculls_converges_to_its_integration_at_a_high_rate():
 def test_a_state_turns_into_earth_fixed_axes_and_back():
     rng = np.random.default_rng(2)
     place = np.array([4.0e6, 3.0e6, 3.9e6])
-    how = strapdown_of(StrapdownCard(), "j4", "pad", 0.7, place)
+    how = build_strapdown(StrapdownCard(), "j4", "pad", 0.7, place)
     nav = np.concatenate([[0.5, -0.5, 0.5, 0.5], [100.0, 400.0, 50.0], place + rng.normal(size=3)])
     turned, angle = nav.copy(), 0.7
     to_earth_fixed(turned, how, angle)
@@ -209,7 +211,7 @@ def test_an_ascent_is_the_same_in_every_frame(ratio):
     start = np.array([0.6, 0.0, 0.8, 0.0, 0.0, 465.0, 0.0, 6378137.0, 0.0, 1e3])
     ends, sums = {}, {}
     for mechanisation in ("inertial", "earth", "pad", "ned", "enu"):
-        how = strapdown_of(StrapdownCard(ratio=ratio), "j4", mechanisation, 0.3, start[R : R + 3])
+        how = build_strapdown(StrapdownCard(ratio=ratio), "j4", mechanisation, 0.3, start[R : R + 3])
         nav, previous, kept = start.copy(), np.zeros(6), []
         for window in range(round(seconds / (n * T))):
             t = n * T * window
@@ -237,7 +239,7 @@ def test_local_axes_differ_from_the_inertial_frame_by_the_square_of_the_step():
     def apart(step):
         ends = []
         for mechanisation in ("inertial", "ned"):
-            how, nav, previous = strapdown_of(StrapdownCard(), "j4", mechanisation, 0.3), start.copy(), np.zeros(6)
+            how, nav, previous = build_strapdown(StrapdownCard(), "j4", mechanisation, 0.3), start.copy(), np.zeros(6)
             increments = np.tile(step * np.array([0.0, 0.004, 0.0, 40.0, 0.3, -0.2]), (round(0.2 / step), 1))
             previous[:] = increments[0]
             for window in range(1000):

@@ -25,8 +25,8 @@ def flown(*settings, flight=None, **fields):
     return prepare_hop(scenario.model_copy(update={"filter": with_fields(scenario.filter, **fields)}), flight)
 
 
-def formal(prepared):
-    return covariance(prepared).formal
+def formal(prepared_case):
+    return covariance(prepared_case).formal_sigma
 
 
 # ------------------------------------------------------------------------------------------------------ under-weighting
@@ -65,7 +65,7 @@ def test_the_covariance_that_a_solution_comes_with_grows_by_the_factor():
 
     one, other = solving(1.0, tuned), solving(3.0, scenario.filter)
     np.testing.assert_allclose(formal(one), formal(other), rtol=1e-10)
-    blocks = [run_block(prepared, 5, 0, 8) for prepared in (one, other)]
+    blocks = [run_block(prepared_case, 5, 0, 8) for prepared_case in (one, other)]
     np.testing.assert_allclose(blocks[0].sigma, blocks[1].sigma, rtol=1e-9)
 
 
@@ -191,7 +191,7 @@ def test_a_change_of_region_adds_its_variance_then_and_velocity_carries_it_on():
     """0.5 m/s at 10 s is 0.25 m^2/s^2 more of velocity from then on, and 0.25 tau^2 more of position."""
     entry = {"from": "10 s", "velocity": "0.5 m/s"}
     plain, more = (covariance(flown(INERTIAL, imu=NOISELESS, **f)) for f in ({}, {"region_noise": [entry]}))
-    added, t = more.formal**2 - plain.formal**2, plain.t
+    added, t = more.formal_sigma**2 - plain.formal_sigma**2, plain.t
     np.testing.assert_allclose(added[t < 10.0], 0.0, atol=1e-15)
     after = t >= 10.0
     np.testing.assert_allclose(added[after, 3:6], 0.25, rtol=2e-3)
@@ -211,7 +211,7 @@ def test_noise_in_proportion_to_the_force_is_that_of_its_square_over_the_burn():
     plain, more = (
         covariance(flown(INERTIAL, flight=burn, imu=NOISELESS, **f)) for f in ({}, {"process_noise_by": [table]})
     )
-    added, t = more.formal**2 - plain.formal**2, plain.t
+    added, t = more.formal_sigma**2 - plain.formal_sigma**2, plain.t
     density = 0.1**2
     burning = np.minimum(t, 10.0)[:, None]
     np.testing.assert_allclose(added[t > 1.0, 3:6], np.tile(density * burning, 3)[t > 1.0], rtol=2e-2)
@@ -300,12 +300,12 @@ ALL = {
 
 
 def test_both_engines_agree_on_a_filter_that_is_tuned_in_every_way():
-    prepared = flown(**ALL)
-    ratio, interval = agrees(prepared, 400, (10.0, 20.0, 30.0))
+    prepared_case = flown(**ALL)
+    ratio, interval = agrees(prepared_case, 400, (10.0, 20.0, 30.0))
     assert inside(ratio, interval), (ratio, interval)
-    cov, block = covariance(prepared), run_block(prepared, 3, 0, 8)
-    np.testing.assert_allclose(block.sigma, np.broadcast_to(cov.formal, block.sigma.shape), rtol=0.02)
+    cov, block = covariance(prepared_case), run_block(prepared_case, 3, 0, 8)
+    np.testing.assert_allclose(block.sigma, np.broadcast_to(cov.formal_sigma, block.sigma.shape), rtol=0.02)
     # conservative: it claims less than it has, and has more than the best filter
     best = covariance(flown())
-    assert np.all(cov.formal[-1, 3:9] > cov.true_sigma[-1, 3:9])
+    assert np.all(cov.formal_sigma[-1, 3:9] > cov.true_sigma[-1, 3:9])
     assert np.all(cov.true_sigma[-1, 3:9] > best.true_sigma[-1, 3:9])

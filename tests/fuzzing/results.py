@@ -51,7 +51,7 @@ def resume(folder: Path) -> None:
         _ = [span(path) for path in paths(folder / "parts" / case.id)]
     written = open_results(folder, "synthetic", synthetic.CAMPAIGN, {"seed": 7}, "resume")
     for case, _ in synthetic.CASES:
-        written.done(case.id)
+        written.block_spans(case.id)
 
 
 def _nodes(tree: Any) -> Iterator[tuple[Any, Any]]:

@@ -10,7 +10,7 @@ import pytest
 from pydantic import ValidationError
 from ruamel.yaml import YAML
 
-from lvnav_trade.gnss.broadcast import GEOSTATIONARY, broadcast
+from lvnav_trade.gnss.broadcast import GEOSTATIONARY, broadcast_ephemerides
 from lvnav_trade.gnss.constellation import (
     AlmanacConstellation,
     NominalConstellation,
@@ -19,7 +19,7 @@ from lvnav_trade.gnss.constellation import (
 )
 from lvnav_trade.gnss.kepler import EARTH_RATE_BEIDOU, GM_BEIDOU
 from lvnav_trade.gnss.rinex import read_navigation
-from lvnav_trade.gnss.satellites import nearest, satellites, time_offsets
+from lvnav_trade.gnss.satellites import nearest_records, satellites, time_offsets
 from lvnav_trade.quantities.errors import InputError
 from lvnav_trade.quantities.frames import geodetic_from_ecef
 from lvnav_trade.quantities.times import gps_seconds, resolve_beidou_week
@@ -97,19 +97,19 @@ def test_every_recorded_satellite_stands_where_the_documents_algorithm_says(refd
     found = recorded(refdata)
     assert {item.name for item in found} >= {"C05", "C06", "C11"}  # GEO, IGSO, MEO
     for item in found:
-        (r_e,), _ = broadcast([item], item.toe + 1700.0).ecef(NOW)
+        (r_e,), _ = broadcast_ephemerides([item], item.toe + 1700.0).ecef(NOW)
         np.testing.assert_allclose(r_e, from_the_document(item, item.elements["week_second"] + 1700.0), atol=1e-6)
 
 
 def test_recorded_satellites_have_the_published_places_of_their_kind(refdata):
-    near = nearest(recorded(refdata), gps_seconds(NOON))
+    near = nearest_records(recorded(refdata), gps_seconds(NOON))
     day = np.linspace(-12.0, 12.0, 145)[:, None] * 3600.0
     for name, (radius, inclination, crossing) in {
         "C05": (42164e3, None, 58.75), "C08": (42164e3, 55.0, 118.0), "C09": (42164e3, 55.0, 95.0),
         "C10": (42164e3, 55.0, 95.0), "C13": (42164e3, 55.0, 95.0),
         "C11": (27906e3, 55.0, None), "C12": (27906e3, 55.0, None), "C14": (27906e3, 55.0, None),
     }.items():  # fmt: skip
-        r_e = broadcast([near[name]], near[name].toe).ecef(day)[0][:, 0]
+        r_e = broadcast_ephemerides([near[name]], near[name].toe).ecef(day)[0][:, 0]
         latitude, longitude, _ = np.degrees(geodetic_from_ecef(r_e))
         # the harmonics of an hour's fit are no model of a whole day: 0.1 % of the radius at most
         assert np.mean(np.linalg.norm(r_e, axis=1)) == pytest.approx(radius, rel=1e-3), name
@@ -129,7 +129,7 @@ def test_successive_ephemerides_of_all_kinds_meet_half_way(refdata, record_prope
     for (name, toe), item in by_time.items():
         other = by_time.get((name, toe + 3600.0))
         if other is not None:
-            ours, theirs = (broadcast([one], toe + 1800.0).ecef(NOW)[0] for one in (item, other))
+            ours, theirs = (broadcast_ephemerides([one], toe + 1800.0).ecef(NOW)[0] for one in (item, other))
             kind = "GEO" if name in GEOSTATIONARY else "MEO" if name in ("C11", "C12", "C14") else "IGSO"
             gaps.setdefault(kind, []).append(float(np.linalg.norm(ours - theirs)))
     assert {kind: len(found) > 7 for kind, found in gaps.items()} == {"GEO": True, "IGSO": True, "MEO": True}
@@ -139,15 +139,15 @@ def test_successive_ephemerides_of_all_kinds_meet_half_way(refdata, record_prope
 
 
 def test_velocity_is_the_derivative_of_position_for_a_tilted_satellite_too():
-    above = broadcast([own(name="C03", root_axis=SYNCHRONOUS, inclination=0.09), own(name="C11")], 1.2e9)
+    above = broadcast_ephemerides([own(name="C03", root_axis=SYNCHRONOUS, inclination=0.09), own(name="C11")], 1.2e9)
     t, step = np.linspace(-7200.0, 40000.0, 23)[:, None], 0.25
     difference = (above.ecef(t + step)[0] - above.ecef(t - step)[0]) / (2.0 * step)
     np.testing.assert_allclose(above.ecef(t)[1], difference, rtol=0.0, atol=2e-5)
-    np.testing.assert_array_equal(above.tilted, [True, False])
+    np.testing.assert_array_equal(above.is_geostationary, [True, False])
 
 
 def test_systems_that_are_no_beidou_are_not_moved_by_one_that_is():
-    alone, beside = broadcast([own()], 1.2e9), broadcast([own(), own(name="C03")], 1.2e9)
+    alone, beside = broadcast_ephemerides([own()], 1.2e9), broadcast_ephemerides([own(), own(name="C03")], 1.2e9)
     for one, other in zip(alone.ecef(NOW + 900.0), beside.ecef(NOW[:, None] + 900.0), strict=True):
         np.testing.assert_array_equal(one[0], other[0, 0])
 
@@ -207,13 +207,13 @@ def yuma(tmp_path, week, **fields):
 
 def test_an_almanac_is_the_ephemeris_without_its_harmonics(refdata, tmp_path):
     for name in ("C08", "C11"):
-        item = nearest(recorded(refdata), gps_seconds(NOON))[name]
+        item = nearest_records(recorded(refdata), gps_seconds(NOON))[name]
         card = yuma(tmp_path, 650, prn=int(name[1:]), **item.elements)
         above = satellites(card, "2018-06-19T06:00:00Z")
         assert (above.names, above.systems) == ((name,), ("C",))
         t = item.toe - gps_seconds("2018-06-19T06:00:00Z")
         (ours,), _ = above.ecef(np.array([t]))
-        np.testing.assert_allclose(ours, broadcast([item], item.toe).ecef(NOW)[0][0], rtol=0.0, atol=3e3)
+        np.testing.assert_allclose(ours, broadcast_ephemerides([item], item.toe).ecef(NOW)[0][0], rtol=0.0, atol=3e3)
 
 
 @pytest.mark.parametrize("week", [650, 650 - 512])

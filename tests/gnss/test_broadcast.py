@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from lvnav_trade.gnss.broadcast import EARTH_RATE_PZ90, GM_PZ90, acceleration, broadcast, integrated
+from lvnav_trade.gnss.broadcast import EARTH_RATE_PZ90, GM_PZ90, acceleration, broadcast_ephemerides, integrated_states
 from lvnav_trade.gnss.kepler import EARTH_RATE_GPS
 from lvnav_trade.gnss.rinex import Ephemeris, StateVector, read_navigation
-from lvnav_trade.gnss.satellites import nearest
+from lvnav_trade.gnss.satellites import nearest_records
 from lvnav_trade.kernels.clock import SPEED_OF_LIGHT
 from tests.trajectory.products import gps_time, read_sp3
 
@@ -44,7 +44,7 @@ def test_published_worked_examples_are_met_to_a_tenth_of_a_millimetre(refdata, n
     records = read_navigation(refdata / "gnss/rinex2/brdc1820.10n").ephemerides
     time = gps_time(2010, 7, 1, *moment)
     (record,) = (item for item in records if item.name == name and time - item.toe == age)
-    r_e, _ = broadcast([record], time).ecef(NOW)
+    r_e, _ = broadcast_ephemerides([record], time).ecef(NOW)
     np.testing.assert_allclose(r_e[0], expected, rtol=0.0, atol=1e-4)
 
 
@@ -54,8 +54,10 @@ def test_broadcast_against_precise_orbits_has_the_published_rms(refdata, record_
     precise, timed = read_sp3(refdata / "gnss/sp3/igs15904.sp3")
     errors = []
     for time, here in precise.items():
-        near = {name: item for name, item in nearest(records, time).items() if item.health == 0.0 and name in timed}
-        r_e, v_e = broadcast(list(near.values()), time).ecef(NOW)
+        near = {
+            name: item for name, item in nearest_records(records, time).items() if item.health == 0.0 and name in timed
+        }
+        r_e, v_e = broadcast_ephemerides(list(near.values()), time).ecef(NOW)
         v_i = v_e + EARTH_RATE_GPS * np.stack([-r_e[:, 1], r_e[:, 0], 0.0 * r_e[:, 0]], axis=-1)
         cross = np.cross(r_e, v_i)
         axes = np.stack([r_e, np.cross(cross, r_e), cross], axis=1)
@@ -82,7 +84,7 @@ def test_successive_ephemerides_meet_half_way(refdata, record_property, letter, 
         after = [other for key, other in by_time.items() if key[0] == name and 0.0 < key[1] - toe <= 7200.0]
         if after:
             other = min(after, key=lambda item: item.toe)
-            ours, theirs = (broadcast([one], 0.5 * (toe + other.toe)).ecef(NOW)[0] for one in (item, other))
+            ours, theirs = (broadcast_ephemerides([one], 0.5 * (toe + other.toe)).ecef(NOW)[0] for one in (item, other))
             gaps.append(np.linalg.norm(ours - theirs))
     assert len(gaps) > 150
     record_property(
@@ -93,9 +95,9 @@ def test_successive_ephemerides_meet_half_way(refdata, record_property, letter, 
 
 
 def test_galileo_stands_on_its_circle_of_29600_km(refdata):
-    near = nearest(read_navigation(refdata / MIXED).ephemerides, gps_time(2018, 6, 19, 12, 0, 0))
+    near = nearest_records(read_navigation(refdata / MIXED).ephemerides, gps_time(2018, 6, 19, 12, 0, 0))
     galileo = [item for item in near.values() if item.name[0] == "E" and item.health == 0.0]
-    r_e, _ = broadcast(galileo, gps_time(2018, 6, 19, 12, 0, 0)).ecef(NOW)
+    r_e, _ = broadcast_ephemerides(galileo, gps_time(2018, 6, 19, 12, 0, 0)).ecef(NOW)
     # E14 and E18 fly the eccentric orbits that a failed injection of 2014 left them.
     round_ones = [k for k, item in enumerate(galileo) if item.name not in ("E14", "E18")]
     assert len(round_ones) >= 14
@@ -105,21 +107,21 @@ def test_galileo_stands_on_its_circle_of_29600_km(refdata):
 
 
 def test_velocity_is_the_derivative_of_position_with_every_term_at_work():
-    above = broadcast([own(), own(name="E03", root_axis=5440.6, eccentricity=0.4)], 1.2e9)
+    above = broadcast_ephemerides([own(), own(name="E03", root_axis=5440.6, eccentricity=0.4)], 1.2e9)
     t, step = np.linspace(-7200.0, 40000.0, 23)[:, None], 0.25
     difference = (above.ecef(t + step)[0] - above.ecef(t - step)[0]) / (2.0 * step)
     np.testing.assert_allclose(above.ecef(t)[1], difference, rtol=0.0, atol=2e-5)
 
 
 def test_the_reference_of_time_does_not_move_the_satellites():
-    early, late = broadcast([own()], 1.2e9), broadcast([own()], 1.2e9 + 3600.0)
+    early, late = broadcast_ephemerides([own()], 1.2e9), broadcast_ephemerides([own()], 1.2e9 + 3600.0)
     np.testing.assert_allclose(early.ecef(NOW + 3600.0)[0], late.ecef(NOW)[0], rtol=0.0, atol=1e-6)
     np.testing.assert_allclose(early.clock(NOW + 3600.0), late.clock(NOW), rtol=0.0, atol=1e-18)
     np.testing.assert_allclose(early.relativity(NOW + 3600.0), late.relativity(NOW), rtol=0.0, atol=1e-18)
 
 
 def test_the_clock_is_the_polynomial_from_its_own_reference_time():
-    above = broadcast([own()], 1.2e9)
+    above = broadcast_ephemerides([own()], 1.2e9)
     expected = 1e-4 + 2e-11 * 1000.0 + 3e-19 * 1000.0**2
     assert SPEED_OF_LIGHT * (above.clock(NOW + 1000.0)[0] - expected) == pytest.approx(0.0, abs=1e-9)
 
@@ -131,7 +133,7 @@ def test_the_relativistic_term_is_minus_two_r_v_over_c_squared_to_a_millimetre(n
         "radius_sin", "radius_cos", "latitude_sin", "latitude_cos", "inclination_sin", "inclination_cos",
         "inclination_rate", "node_rate", "mean_motion_difference",
     ], 0.0)  # fmt: skip
-    above = broadcast([own(name=name, root_axis=root_axis, **still)], 1.2e9)
+    above = broadcast_ephemerides([own(name=name, root_axis=root_axis, **still)], 1.2e9)
     t = np.linspace(0.0, 43200.0, 13)[:, None]
     r_e, v_e = above.ecef(t)
     v_i = v_e + EARTH_RATE_GPS * np.stack([-r_e[..., 1], r_e[..., 0], 0.0 * r_e[..., 0]], axis=-1)
@@ -146,8 +148,8 @@ def test_broadcast_clocks_agree_with_precise_ones_to_some_nanoseconds(refdata):
     text = (refdata / "gnss/sp3/igs15904.sp3").read_text()
     block = text.split("*  2010  7  1 12  0  0.00000000")[1].split("\n*")[0]
     precise = {line[1:4]: 1e-6 * float(line[46:60]) for line in block.splitlines() if line.startswith("P")}
-    near = {k: v for k, v in nearest(records, time).items() if v.health == 0.0 and precise.get(k, 1.0) < 0.5}
-    above = broadcast(list(near.values()), time)
+    near = {k: v for k, v in nearest_records(records, time).items() if v.health == 0.0 and precise.get(k, 1.0) < 0.5}
+    above = broadcast_ephemerides(list(near.values()), time)
     ours, theirs = above.clock(NOW), np.array([precise[name] for name in near])
     difference = SPEED_OF_LIGHT * (ours - theirs)  # precise clocks leave the relativistic term out as well
     assert np.max(np.abs(SPEED_OF_LIGHT * theirs)) > 1e5
@@ -160,7 +162,7 @@ STATE = StateVector("R01", 1.2e9, 2.8e-5, 1e-12, R_E, V_E, A_E, 0.0)
 
 
 def test_the_integration_agrees_with_a_method_of_eighth_order_forwards_and_backwards():
-    above = integrated([STATE], STATE.time)
+    above = integrated_states([STATE], STATE.time)
     for end in (900.0, -900.0, 3600.0, -3600.0):
         exact = solve_ivp(
             lambda _, y: np.concatenate([y[3:], acceleration(y[:3], y[3:], np.array(A_E))]),
@@ -173,7 +175,7 @@ def test_the_integration_agrees_with_a_method_of_eighth_order_forwards_and_backw
 
 def test_without_flattening_moon_and_sun_energy_in_inertial_space_is_kept(monkeypatch):
     monkeypatch.setattr("lvnav_trade.gnss.broadcast.J2_PZ90", 0.0)
-    above = integrated([STATE._replace(a_e=(0.0, 0.0, 0.0))], STATE.time)
+    above = integrated_states([STATE._replace(a_e=(0.0, 0.0, 0.0))], STATE.time)
     r_e, v_e = above.ecef(np.linspace(0.0, 40544.0, 50)[:, None])
     v_i = v_e + EARTH_RATE_PZ90 * np.stack([-r_e[..., 1], r_e[..., 0], 0.0 * r_e[..., 0]], axis=-1)
     energy = 0.5 * np.sum(v_i * v_i, axis=-1) - GM_PZ90 / np.linalg.norm(r_e, axis=-1)
@@ -200,8 +202,8 @@ def test_broadcast_states_are_carried_to_the_next_ones_within_metres(refdata, re
     for (name, time), state in by_time.items():
         after = by_time.get((name, time + 1800.0))
         if after is not None:
-            ahead = integrated([state], time).ecef(np.array([[900.0], [1800.0]]))[0][:, 0]
-            back = integrated([after], time).ecef(np.array([900.0]))[0][0]
+            ahead = integrated_states([state], time).ecef(np.array([[900.0], [1800.0]]))[0][:, 0]
+            back = integrated_states([after], time).ecef(np.array([900.0]))[0][0]
             whole.append(np.linalg.norm(ahead[1] - after.r_e))
             half.append(np.linalg.norm(ahead[0] - back))
     assert len(whole) == 386
@@ -213,14 +215,14 @@ def test_broadcast_states_are_carried_to_the_next_ones_within_metres(refdata, re
 
 
 def test_velocity_is_the_derivative_of_position_across_the_steps():
-    above, step = integrated([STATE, STATE._replace(name="R02", time=1.2e9 + 7.0)], 1.2e9), 0.05
+    above, step = integrated_states([STATE, STATE._replace(name="R02", time=1.2e9 + 7.0)], 1.2e9), 0.05
     t = np.array([-901.0, -30.0, -3.0, 0.0, 7.0, 29.99, 30.0, 33.3, 1000.0])[:, None]
     difference = (above.ecef(t + step)[0] - above.ecef(t - step)[0]) / (2.0 * step)
     np.testing.assert_allclose(above.ecef(t)[1], difference, rtol=0.0, atol=2e-6)
 
 
 def test_at_the_broadcast_time_the_broadcast_state_stands_and_no_times_are_no_states():
-    above = integrated([STATE], STATE.time - 500.0)
+    above = integrated_states([STATE], STATE.time - 500.0)
     r_e, v_e = above.ecef(np.array([[500.0]]))
     np.testing.assert_allclose(r_e[0, 0], R_E, rtol=0.0, atol=1e-8)
     np.testing.assert_allclose(v_e[0, 0], V_E, rtol=0.0, atol=1e-10)
@@ -228,6 +230,6 @@ def test_at_the_broadcast_time_the_broadcast_state_stands_and_no_times_are_no_st
 
 
 def test_the_broadcast_clock_holds_relativity():
-    above, t = integrated([STATE], STATE.time - 500.0), np.array([[500.0], [600.0]])
+    above, t = integrated_states([STATE], STATE.time - 500.0), np.array([[500.0], [600.0]])
     np.testing.assert_allclose(above.clock(t)[:, 0], [2.8e-5, 2.8e-5 + 1e-10], rtol=1e-12)
     np.testing.assert_array_equal(above.relativity(t), np.zeros((2, 1)))

@@ -13,7 +13,7 @@ from lvnav_trade.gnss.fault_cards import (
     SatelliteOutage,
     WildSamples,
 )
-from lvnav_trade.gnss.faults import antennas_alive, delay, failures, highest, lost
+from lvnav_trade.gnss.faults import antennas_alive, delay, failures, highest, satellite_outages
 from lvnav_trade.quantities.conditions import FlightProfile
 from lvnav_trade.quantities.errors import InputError
 
@@ -29,13 +29,13 @@ def outage(start="stage1_cutoff + 2 s", duration="5 s", keep=0):
 
 
 def test_a_total_outage_takes_all_from_its_start_until_before_its_end():
-    gone = lost([outage()], COURSE, T, ELEVATION, VISIBLE)
+    gone = satellite_outages([outage()], COURSE, T, ELEVATION, VISIBLE)
     assert np.flatnonzero(gone.all(axis=1)).tolist() == [10, 11, 12, 13, 14]
     assert np.flatnonzero(gone.any(axis=1)).tolist() == [10, 11, 12, 13, 14]
 
 
 def test_a_partial_outage_keeps_the_highest_at_its_start_though_others_rise_above_them():
-    gone = lost([outage(start="5 s", duration="10 s", keep=1)], COURSE, T, ELEVATION, VISIBLE)
+    gone = satellite_outages([outage(start="5 s", duration="10 s", keep=1)], COURSE, T, ELEVATION, VISIBLE)
     assert np.all(gone[5:15] == [True, False, True, True])
     assert not gone[:5].any()
     assert not gone[15:].any()
@@ -44,29 +44,29 @@ def test_a_partial_outage_keeps_the_highest_at_its_start_though_others_rise_abov
 def test_a_partial_outage_keeps_only_what_could_be_tracked_at_its_start():
     visible = VISIBLE.copy()
     visible[:6, 1] = False
-    gone = lost([outage(start="5 s", keep=2)], COURSE, T, ELEVATION, visible)
+    gone = satellite_outages([outage(start="5 s", keep=2)], COURSE, T, ELEVATION, visible)
     assert np.all(gone[5:10] == [False, True, False, True])
 
 
 def test_an_outage_that_begins_between_epochs_takes_the_sky_of_the_next_one():
-    gone = lost([outage(start="4.4 s", duration="2 s", keep=1)], COURSE, T, ELEVATION, VISIBLE)
+    gone = satellite_outages([outage(start="4.4 s", duration="2 s", keep=1)], COURSE, T, ELEVATION, VISIBLE)
     assert np.flatnonzero(gone.any(axis=1)).tolist() == [5, 6]
 
 
 def test_where_two_outages_hold_each_takes_its_share_in_any_order():
     faults = [outage(start="5 s", duration="10 s", keep=2), outage(start="9 s", duration="3 s", keep=1)]
-    gone = lost(faults, COURSE, T, ELEVATION, VISIBLE)
-    assert np.array_equal(gone, lost(faults[::-1], COURSE, T, ELEVATION, VISIBLE))
+    gone = satellite_outages(faults, COURSE, T, ELEVATION, VISIBLE)
+    assert np.array_equal(gone, satellite_outages(faults[::-1], COURSE, T, ELEVATION, VISIBLE))
     assert (~gone).sum(axis=1).tolist() == [4] * 5 + [2] * 4 + [1] * 3 + [2] * 3 + [4] * 5
 
 
 def test_an_outage_of_no_length_or_none_at_all_takes_nothing():
-    assert not lost([outage(duration="0 s")], COURSE, T, ELEVATION, VISIBLE).any()
-    assert not lost([], COURSE, T, ELEVATION, VISIBLE).any()
+    assert not satellite_outages([outage(duration="0 s")], COURSE, T, ELEVATION, VISIBLE).any()
+    assert not satellite_outages([], COURSE, T, ELEVATION, VISIBLE).any()
 
 
 def test_an_epoch_that_rounding_has_moved_still_lies_on_the_edge():
-    gone = lost([outage(start="10 s", duration="5 s")], COURSE, T - 1e-12, ELEVATION, VISIBLE)
+    gone = satellite_outages([outage(start="10 s", duration="5 s")], COURSE, T - 1e-12, ELEVATION, VISIBLE)
     assert np.flatnonzero(gone.any(axis=1)).tolist() == [10, 11, 12, 13, 14]
 
 
@@ -75,12 +75,12 @@ def test_an_outage_outside_the_flight_is_refused(start):
     with pytest.raises(
         InputError, match=r"^faults\.1\.start: the outage from .* lies outside the flight \(0 s to 19 s\)$"
     ):
-        lost([outage(), outage(start=start)], COURSE, T, ELEVATION, VISIBLE)
+        satellite_outages([outage(), outage(start=start)], COURSE, T, ELEVATION, VISIBLE)
 
 
 def test_a_start_at_an_unknown_event_is_refused_with_its_place():
     with pytest.raises(InputError, match=r"^faults\.0\.start: .*stage1_cutof"):
-        lost([outage(start="stage1_cutof + 2 s")], COURSE, T, ELEVATION, VISIBLE)
+        satellite_outages([outage(start="stage1_cutof + 2 s")], COURSE, T, ELEVATION, VISIBLE)
 
 
 def test_an_outage_of_negative_length_is_refused():
@@ -142,8 +142,8 @@ def test_each_fault_touches_its_own_satellites_and_times_only():
     np.testing.assert_allclose(out.drift[8:12, 2], 3.0)
     assert np.flatnonzero(out.jump[:, 0]).tolist() == [13]
     assert out.jump.sum() == 150.0
-    assert {tuple(place) for place in np.argwhere(out.wild > 0.0).tolist()} == {(5, 3), (6, 3)}
-    assert np.flatnonzero(out.frozen).tolist() == [17, 18, 19]
+    assert {tuple(place) for place in np.argwhere(out.wild_sigma > 0.0).tolist()} == {(5, 3), (6, 3)}
+    assert np.flatnonzero(out.is_frozen).tolist() == [17, 18, 19]
 
 
 def test_a_clock_that_drifts_gains_from_its_start_to_its_end_whatever_the_epochs():

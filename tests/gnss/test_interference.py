@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from lvnav_trade.gnss.fault_cards import Jamming, Spoofing
-from lvnav_trade.gnss.interference import effective, feigned, jamming_density
+from lvnav_trade.gnss.interference import cn0_under_jamming, jamming_density, spoofer_errors
 from lvnav_trade.gnss.link import LinkCard
 from lvnav_trade.gnss.visibility import sky
 from lvnav_trade.kernels.clock import SPEED_OF_LIGHT
@@ -30,17 +30,19 @@ def density(card, t=(-15.0, -5.0), rocket=None, **changes):
 
 def test_a_narrow_band_leaves_the_chipping_rate_less_the_jammers_excess():
     # far beyond the noise (C/N0)_e = Q R_c / (J / S): 60.1 dB less J / S
-    found = effective(np.array([45.0]), np.array([-160.0]), 10.0 ** (0.1 * (-160.0 + 40.0)) / CHIPS * np.ones(1))
+    found = cn0_under_jamming(
+        np.array([45.0]), np.array([-160.0]), 10.0 ** (0.1 * (-160.0 + 40.0)) / CHIPS * np.ones(1)
+    )
     assert found[0] == pytest.approx(10.0 * math.log10(CHIPS) - 40.0, abs=0.02)
     # J / S of equal worth as the noise halves C/N0
     equal = 10.0 ** (-0.1 * 45.0) * 10.0 ** (0.1 * -160.0)
-    halved = effective(np.array([45.0]), np.array([-160.0]), np.array([equal]))[0]
+    halved = cn0_under_jamming(np.array([45.0]), np.array([-160.0]), np.array([equal]))[0]
     assert halved == pytest.approx(45.0 - 3.0103, abs=1e-4)
 
 
 def test_without_a_jammer_and_without_a_signal_nothing_changes():
     with np.errstate(all="raise"):
-        found = effective(np.array([45.0, -np.inf]), np.array([-160.0, -np.inf]), np.zeros(2))
+        found = cn0_under_jamming(np.array([45.0, -np.inf]), np.array([-160.0, -np.inf]), np.zeros(2))
     np.testing.assert_array_equal(found, [45.0, -np.inf])
 
 
@@ -75,19 +77,19 @@ def test_the_link_budget_feels_it_and_the_receiver_loses_what_is_too_weak():
     rocket, t = vertical(), np.arange(-15.0, -1.0)
     quiet = sky(gps(), four(), rocket, t)
     weak, strong = (sky(gps(), four(), rocket, t, [jammer(power=power)]) for power in ("-42 dBW", "0 dBW"))
-    before, tracked = t < -10.0, quiet.tracked[5]
+    before, tracked = t < -10.0, quiet.is_tracked[5]
     np.testing.assert_array_equal(weak.cn0[before], quiet.cn0[before])
     fall = (quiet.cn0 - weak.cn0)[8:, tracked]
     assert np.all((fall > 1.0) & (fall < 30.0))
     assert np.all(weak.range_sigma[8:][:, tracked] > quiet.range_sigma[8:][:, tracked])
     assert tracked.sum() >= 4
-    assert strong.tracked[4].sum() >= 4
-    assert not strong.tracked[8:].any()
+    assert strong.is_tracked[4].sum() >= 4
+    assert not strong.is_tracked[8:].any()
 
 
 def test_ranges_of_a_spoofer_are_those_of_the_place_that_moves_away():
     class Flight:
-        theta0, course = 0.0, FlightProfile({"lift_off": 0.0})
+        theta0, flight_profile = 0.0, FlightProfile({"lift_off": 0.0})
 
     card = Spoofing(start="4 s", duration="60 s", velocity=["3 m/s", "-2 m/s", "1 m/s"])
     place = ecef_from_geodetic(0.6, 0.3, 5e4)
@@ -100,11 +102,11 @@ def test_ranges_of_a_spoofer_are_those_of_the_place_that_moves_away():
     turning = np.cross([0.0, 0.0, 7.292115e-5], r_i)
     line = satellite + speed * t[:, None, None] - r_i[:, None]
     rate = np.tile(speed, (3, 1, 1)) - turning[:, None]
-    found = feigned([card], Flight, t, r_i, sight(line, rate))
+    found = spoofer_errors([card], Flight, t, r_i, sight(line, rate))
     # the place, found in axes of the Earth, and its distance to the satellites
     offset = np.array([3.0, -2.0, 1.0]) * (t - 4.0)[:, None] @ rotation_e_n(0.6, 0.3)
     false = np.linalg.norm(line - eci_from_ecef(offset, angle)[:, None], axis=2)
     np.testing.assert_allclose(found[:, :, 0], false - np.linalg.norm(line, axis=2), atol=1e-6)
     np.testing.assert_allclose(found[1, :, 1], (found[2, :, 0] - found[0, :, 0]) / (2.0 * step), atol=1e-6)
     assert np.linalg.norm(offset[1]) == pytest.approx(26.0 * math.sqrt(14.0))
-    assert not feigned([card], Flight, np.array([0.0, 3.0, 70.0]), r_i, sight(line, rate)).any()
+    assert not spoofer_errors([card], Flight, np.array([0.0, 3.0, 70.0]), r_i, sight(line, rate)).any()

@@ -20,7 +20,7 @@ from lvnav_trade.gnss.link import (
     path_loss,
     received_power,
 )
-from lvnav_trade.quantities.line_of_sight import off_nadir
+from lvnav_trade.quantities.line_of_sight import off_nadir_angle
 
 
 def antenna(**changes):
@@ -160,7 +160,7 @@ def test_the_angle_at_the_satellite_closes_the_triangle():
         here = np.array([GROUND, 0.0, 0.0])
         direction = np.array([math.sin(elevation), math.cos(elevation), 0.0])
         there = here + distance * direction
-        angle = float(off_nadir(there, direction))
+        angle = float(off_nadir_angle(there, direction))
         # Law of sines: sin(angle) / ground = sin(90 deg + elevation) / distance of the satellite from the centre.
         assert math.sin(angle) == pytest.approx(GROUND * math.cos(elevation) / np.linalg.norm(there), abs=1e-9)
 

@@ -10,11 +10,11 @@ from lvnav_trade.gnss.loops import (
     code_sigma,
     coherence_loss,
     frequency_sigma,
-    holds,
+    keeps_lock,
     lag,
+    oscillator_jitter,
     phase_sigma,
     rate_sigma,
-    shaking,
 )
 from lvnav_trade.kernels.clock import SPEED_OF_LIGHT
 
@@ -82,7 +82,7 @@ def most_jerk(card, cn0):
 
     def kept(jerk):
         trail = lag(card, STILL, np.array([jerk * G]), L1)
-        return bool(holds(card, np.array([cn0]), trail, np.full(1, card.jitter), STILL)[0])
+        return bool(keeps_lock(card, np.array([cn0]), trail, np.full(1, card.jitter), STILL)[0])
 
     return brentq(lambda jerk: 1.0 if kept(jerk) else -1.0, 0.0, 1e4, xtol=1e-3)
 
@@ -134,7 +134,7 @@ def test_range_rate_is_a_difference_of_phase_or_the_frequency_itself():
 
 def test_shaking_grows_beyond_one_g():
     card = loops(jitter="2 deg", vibration="3 deg/g")
-    found = np.degrees(shaking(card, np.array([0.0, G, 2.0 * G])))
+    found = np.degrees(oscillator_jitter(card, np.array([0.0, G, 2.0 * G])))
     np.testing.assert_allclose(found, [2.0, 2.0, math.hypot(2.0, 3.0)])
 
 
@@ -152,11 +152,11 @@ def test_coherence_is_lost_as_the_mean_of_the_phasors_says():
 def test_a_code_loop_without_aid_lets_go_under_acceleration():
     for aided, kept in ((True, True), (False, False)):
         card = loops(code_aided=aided, code_bandwidth="0.1 Hz")
-        assert bool(holds(card, np.full(1, 45.0), STILL, STILL, np.full(1, 20.0))[0]) is kept
+        assert bool(keeps_lock(card, np.full(1, 45.0), STILL, STILL, np.full(1, 20.0))[0]) is kept
 
 
 def test_no_signal_is_never_held():
-    assert not holds(loops(), np.array([-np.inf]), STILL, STILL, STILL)[0]
+    assert not keeps_lock(loops(), np.array([-np.inf]), STILL, STILL, STILL)[0]
 
 
 @pytest.mark.parametrize(

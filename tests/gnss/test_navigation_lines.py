@@ -4,7 +4,7 @@ import pytest
 
 from lvnav_trade.gnss.navigation_lines import NumberBounds, number, read_lines
 from lvnav_trade.quantities.errors import InputError
-from lvnav_trade.quantities.input_files import whole
+from lvnav_trade.quantities.input_files import integer
 
 
 @pytest.mark.parametrize(("text", "value"), [("1.5", 1.5), (" -0.25D-01", -0.025), ("3E2 ", 300.0), ("2d0", 2.0)])
@@ -16,8 +16,8 @@ def test_numbers_are_read_with_fortran_exponents(text, value):
     ("text", "bounds", "what"),
     [
         ("x", NumberBounds(0.0, 1.0), "'x' is not a number"),
-        ("1.5", NumberBounds(0, 9, whole), "'1.5' is not a whole number"),
-        ("1_0", NumberBounds(0, 99, whole), "'1_0' is not a whole number"),
+        ("1.5", NumberBounds(0, 9, integer), "'1.5' is not a whole number"),
+        ("1_0", NumberBounds(0, 99, integer), "'1_0' is not a whole number"),
         ("1_0.5", NumberBounds(0.0, 99.0), "'1_0.5' is not a number"),
         ("\u0661", NumberBounds(0.0, 9.0), "'\u0661' is not a number"),
         ("2", NumberBounds(0.0, 1.0), "2 is outside 0 to 1"),

@@ -10,7 +10,7 @@ import pytest
 from lvnav_trade.gnss.constellation import PreciseConstellation, RinexConstellation
 from lvnav_trade.gnss.kepler import Orbits
 from lvnav_trade.gnss.precise import NODES, read_positions
-from lvnav_trade.gnss.satellites import content, satellites
+from lvnav_trade.gnss.satellites import file_digests, satellites
 from lvnav_trade.quantities.errors import InputError
 from lvnav_trade.quantities.times import GPS_ORIGIN
 
@@ -66,7 +66,7 @@ def test_two_files_are_one(tmp_path):
     card = PreciseConstellation(sp3=(str(tmp_path / "two.sp3"), str(tmp_path / "one.sp3")))
     t = np.linspace(-100.0, 800.0, 10)[:, None]
     np.testing.assert_array_equal(satellites(card, EPOCH).ecef(t)[0], whole.ecef(t)[0])
-    assert len(content(card).split()) == 2
+    assert len(file_digests(card).split()) == 2
 
 
 def test_a_satellite_without_a_clock_is_left_out(tmp_path):

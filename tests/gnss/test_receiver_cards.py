@@ -8,7 +8,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from lvnav_trade.campaign.reading.expand import expand
 from lvnav_trade.campaign.syntax import tree
-from lvnav_trade.campaign.syntax.card_lookup import Shelf, shipped
+from lvnav_trade.campaign.syntax.card_lookup import Shelf, tool_folder
 from lvnav_trade.filter.receivers.receiver import FilterSettings, ReportedCovariance, point_model, receiver_filter
 from lvnav_trade.gnss.receiver_cards import (
     BancroftSolution,
@@ -123,7 +123,7 @@ def test_the_old_key_of_the_reported_covariance_names_the_new_one(card):
         READ.validate_python({**card, "told": {"kind": "own"}})
 
 
-NAMES = sorted(file.stem for file in (shipped("configs") / "receivers").glob("*.yaml"))
+NAMES = sorted(file.stem for file in (tool_folder("configs") / "receivers").glob("*.yaml"))
 BARE = {
     "name": "test", "source": "none", "pseudorange_sigma": "2 m", "range_rate_sigma": "0.1 m/s",
     "solution": {"kind": "direct", "position_sigma": "2 m", "velocity_sigma": "0.1 m/s"},
@@ -132,10 +132,10 @@ BARE = {
 
 
 def shipped_receiver(name):
-    folder = shipped("configs")
+    folder = tool_folder("configs")
     node, mistakes = expand(tree.read(folder / "receivers" / f"{name}.yaml"), ReceiverCard, Shelf((folder,)))
     assert mistakes == []
-    return ReceiverCard.model_validate(tree.plain(node))
+    return ReceiverCard.model_validate(tree.plain_data(node))
 
 
 @pytest.mark.parametrize("name", NAMES)

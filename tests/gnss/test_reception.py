@@ -87,7 +87,7 @@ def vertical(push=80.0, burn=4.0, spin=0.0, pad=20.0, coast=30.0):
 
 
 def mean_cn0(seen, epoch):
-    return float(np.mean(seen.cn0[epoch][seen.tracked[epoch]]))
+    return float(np.mean(seen.cn0[epoch][seen.is_tracked[epoch]]))
 
 
 def test_a_student_rocket_keeps_the_satellites_that_its_record_says():
@@ -113,7 +113,7 @@ def test_a_student_rocket_keeps_the_satellites_that_its_record_says():
     )  # fmt: skip
     t = np.arange(-19.0, 33.0)
     seen = sky(gps(), card, vertical(), t)
-    count = seen.tracked.sum(axis=1)
+    count = seen.is_tracked.sum(axis=1)
     assert np.all(count[t < 0.0] == 11)
     assert mean_cn0(seen, 10) == pytest.approx(31.0, abs=1.0)
     boost = (t > 1.0) & (t < 4.0)
@@ -121,14 +121,14 @@ def test_a_student_rocket_keeps_the_satellites_that_its_record_says():
     assert mean_cn0(seen, int(np.flatnonzero(boost)[0])) == pytest.approx(20.5, abs=2.0)
     back = t[(t > 4.0) & (count == 11)][0] - 4.0
     assert 7.0 <= back <= 11.0
-    assert {x.reason for x in seen.transitions if x.before == "track"} == {"dynamics"}
+    assert {x.reason for x in seen.transitions if x.state_before == "track"} == {"dynamics"}
 
 
 def test_a_receiver_without_antennas_link_or_tracking_is_what_it_was():
     t = np.arange(-19.0, 33.0)
     seen = sky(gps(), receiver(channels=6), vertical(), t)
-    assert np.all(seen.tracked.sum(axis=1) == 6)
-    assert np.array_equal(seen.state == TRACK, seen.tracked)
+    assert np.all(seen.is_tracked.sum(axis=1) == 6)
+    assert np.array_equal(seen.state == TRACK, seen.is_tracked)
     assert np.all((seen.range_sigma == 2.0) & (seen.rate_sigma == 0.1) & (seen.antenna == 0) & np.isnan(seen.cn0))
     assert seen.transitions == ()
     assert seen.lever_arms.tolist() == [[0.0, 0.0, 0.0]]
@@ -138,7 +138,7 @@ def test_an_isotropic_antenna_and_no_losses_give_the_link_budget_and_nothing_els
     card = receiver(link={}, tracking={})
     t = np.arange(-19.0, 33.0)
     seen, plain = sky(gps(), card, vertical(), t), sky(gps(), receiver(), vertical(), t)
-    assert np.array_equal(seen.tracked, plain.tracked)
+    assert np.array_equal(seen.is_tracked, plain.is_tracked)
     up = seen.elevation > math.radians(5.0)
     # Handbook: -158.2 dBW at the zenith, -155.4 at 50 deg; noise of 130 K + 170 K and 1 dB: 41 to 45 dB-Hz.
     strongest, weakest = (float(carrier_to_noise(card.link, np.array(p))) for p in (-155.2, -158.3))
@@ -171,7 +171,7 @@ def test_a_satellite_at_the_zenith_is_heard_less_by_antennas_that_look_sideways(
 def test_thermal_noise_follows_the_carrier_to_noise_density():
     card = four()
     seen = sky(gps(), card, vertical(push=20.0), np.arange(-19.0, 33.0))
-    up = seen.tracked
+    up = seen.is_tracked
     np.testing.assert_allclose(seen.range_sigma[up], np.hypot(2.0, code_sigma(card.loops, seen.cn0[up])))
     np.testing.assert_allclose(
         seen.rate_sigma[up], np.hypot(0.1, rate_sigma(card.loops, seen.cn0[up], card.link.wavelength))
@@ -188,37 +188,37 @@ def test_dead_antennas_lose_their_satellites_which_come_back_one_by_one(dead, ch
     alive[np.ix_(failure, dead)] = False
     card = four(antennas=patches(cutoff="90 deg"), mask_height="75 km")
     whole, broken = sky(gps(), card, flight, t), sky(gps(), card, flight, t, antenna_alive=alive)
-    assert np.array_equal(broken.tracked[t < 300.0], whole.tracked[t < 300.0])
-    assert not np.any(np.isin(broken.antenna[failure], dead) & broken.tracked[failure])
-    changed = np.isin(whole.antenna[failure], dead) & broken.tracked[failure]
+    assert np.array_equal(broken.is_tracked[t < 300.0], whole.is_tracked[t < 300.0])
+    assert not np.any(np.isin(broken.antenna[failure], dead) & broken.is_tracked[failure])
+    changed = np.isin(whole.antenna[failure], dead) & broken.is_tracked[failure]
     assert bool(changed.any()) is changing  # heard by two antennas: it changes to the one that lives
-    gone = [x for x in broken.transitions if x.reason == "no antenna" and x.before == "track" and x.t < 300.0]
+    gone = [x for x in broken.transitions if x.reason == "no antenna" and x.state_before == "track" and x.t < 300.0]
     assert len(gone) >= 3
     # Dead since the epoch before, 299 s: the first step that hears nothing is at 299.1 s, and half a second is coasted.
     assert {round(x.t, 6) for x in gone} == {299.6}
-    count = broken.tracked.sum(axis=1)
-    assert count[t == 300.0] == whole.tracked.sum(axis=1)[t == 300.0] - len(gone)
+    count = broken.is_tracked.sum(axis=1)
+    assert count[t == 300.0] == whole.is_tracked.sum(axis=1)[t == 300.0] - len(gone)
     missed = {x.satellite for x in gone}
-    back = {x.satellite: x.t for x in broken.transitions if x.t > 329.0 and x.after == "track"}
+    back = {x.satellite: x.t for x in broken.transitions if x.t > 329.0 and x.state_after == "track"}
     assert missed <= set(back)
     assert np.all(np.diff(sorted(back[name] for name in missed)) > 0.05)  # never two at once
-    assert np.array_equal(broken.tracked[t >= 450.0], whole.tracked[t >= 450.0])
+    assert np.array_equal(broken.is_tracked[t >= 450.0], whole.is_tracked[t >= 450.0])
 
 
 def test_more_satellites_are_in_view_as_the_launcher_rises():
     # Figures 9 and 20 of Canepa and Servidia: the mask sinks from 10 deg to below the horizontal.
     t = np.arange(-59.0, 560.0, 5.0)
     seen = sky(gps(), four(mask="10 deg", mask_height="75.188 km", tracking={"aiding": "fused"}), ascent(), t)
-    count = seen.tracked.sum(axis=1)
+    count = seen.is_tracked.sum(axis=1)
     assert count[t > 500.0].min() >= count[t < 0.0].max() + 3
-    assert seen.elevation[seen.tracked].min() < -0.1
+    assert seen.elevation[seen.is_tracked].min() < -0.1
 
 
 def test_a_jump_of_thrust_shakes_off_a_narrow_loop_and_not_a_wide_one():
     def lost(bandwidth, push):
         card = four(loops=LOOPS | {"carrier_bandwidth": bandwidth}, antennas=[], tracking={"coast": "0 s"})
         found = sky(gps(), card, vertical(push=push), np.arange(-19.0, 33.0)).transitions
-        return [(x.t, x.reason) for x in found if x.after == "lost"]
+        return [(x.t, x.reason) for x in found if x.state_after == "lost"]
 
     assert lost("30 Hz", 5.0) == []
     narrow = lost("8 Hz", 80.0)
@@ -232,8 +232,8 @@ def test_the_line_of_sight_takes_its_share_of_the_jump():
     loops = LOOPS | {"carrier_bandwidth": "14 Hz"}
     card = four(loops=loops, antennas=[], mask="0 deg", tracking={"coast": "0 s"})
     seen = sky(gps(), card, vertical(push=40.0), np.arange(-19.0, 33.0))
-    gone = {x.satellite for x in seen.transitions if x.after == "lost" and 0.0 <= x.t < 1.0}
-    up = np.flatnonzero(seen.tracked[18])
+    gone = {x.satellite for x in seen.transitions if x.state_after == "lost" and 0.0 <= x.t < 1.0}
+    up = np.flatnonzero(seen.is_tracked[18])
     height = dict(zip(np.array(seen.names)[up], np.degrees(seen.elevation[18, up]), strict=True))
     assert gone
     assert set(height) - gone
@@ -245,7 +245,7 @@ def test_a_spinning_body_shakes_the_antennas_that_stand_off_its_axis():
     def losses(lever):
         card = four(antennas=patches(lever, pattern={"kind": "cosine", "peak": "5 dBi", "exponent": 0.0}))
         t = np.arange(-19.0, -5.0)
-        return sum(x.after == "lost" for x in sky(gps(), card, vertical(spin=15.0), t).transitions)
+        return sum(x.state_after == "lost" for x in sky(gps(), card, vertical(spin=15.0), t).transitions)
 
     assert losses("0 m") == 0
     assert losses("0.5 m") > 0
@@ -272,10 +272,10 @@ def test_an_outage_is_a_fault_to_the_channels_and_ends_with_a_search():
     t = np.arange(-59.0, 560.0)
     seen = sky(gps(), four(), ascent(), t, [fault])
     within = (t >= 100.0) & (t < 120.0)
-    assert np.all(seen.tracked[within].sum(axis=1) == 3)
-    assert {x.reason for x in seen.transitions if 99.0 < x.t <= 100.0 and x.after == "lost"} == {"fault"}
-    assert seen.tracked[t == 120.0].sum() == 3  # a plain receiver has them all back at once
-    assert seen.tracked[t == 180.0].sum() > 5
+    assert np.all(seen.is_tracked[within].sum(axis=1) == 3)
+    assert {x.reason for x in seen.transitions if 99.0 < x.t <= 100.0 and x.state_after == "lost"} == {"fault"}
+    assert seen.is_tracked[t == 120.0].sum() == 3  # a plain receiver has them all back at once
+    assert seen.is_tracked[t == 180.0].sum() > 5
 
 
 def test_another_mask_leaves_the_draws_of_a_satellite_alone():
@@ -285,22 +285,22 @@ def test_another_mask_leaves_the_draws_of_a_satellite_alone():
     low, high = (
         sky(gps(), four(mask=mask, tracking=settings), ascent(), t).transitions for mask in ("5 deg", "30 deg")
     )
-    first = {x.satellite: x.t for x in high if x.after == "acquire" and x.t < -20.0}
+    first = {x.satellite: x.t for x in high if x.state_after == "acquire" and x.t < -20.0}
     assert len(first) >= 3
-    assert first == {x.satellite: x.t for x in low if x.after == "acquire" and x.satellite in first}
+    assert first == {x.satellite: x.t for x in low if x.state_after == "acquire" and x.satellite in first}
 
 
 def test_latency_that_pushes_epochs_before_the_start_does_no_harm():
     t = np.maximum(-20.0, np.arange(-19.0, 33.0) - 2.5)
     seen = sky(gps(), four(), vertical(push=20.0), t)
-    assert seen.tracked[0].sum() >= 8
-    assert np.array_equal(seen.tracked[0], seen.tracked[1])
+    assert seen.is_tracked[0].sum() >= 8
+    assert np.array_equal(seen.is_tracked[0], seen.is_tracked[1])
 
 
 @pytest.mark.parametrize("t", [np.empty(0), np.array([-3.0])])
 def test_no_epoch_or_a_single_one_is_a_flight_too(t):
     seen = sky(gps(), four(), vertical(), t)
-    assert seen.tracked.shape == seen.cn0.shape == seen.state.shape == (t.size, 24)
+    assert seen.is_tracked.shape == seen.cn0.shape == seen.state.shape == (t.size, 24)
     assert seen.lever_arms.shape == (4, 3)
     assert np.all((seen.state == TRACK) | (seen.state == IDLE))
 

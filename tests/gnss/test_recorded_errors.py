@@ -12,10 +12,10 @@ from lvnav_trade.gnss.recorded_errors import (
     ErrorTable,
     PositionErrorColumns,
     VelocityErrorColumns,
-    in_frame_i,
+    inertial_errors,
     recording,
     refuse_short,
-    sampled,
+    sample_errors,
 )
 from lvnav_trade.kernels.earth import OMEGA
 from lvnav_trade.quantities.errors import InputError
@@ -48,9 +48,9 @@ def test_units_are_stated_or_stand_at_the_end_of_the_columns_names(ramp, tmp_pat
     np.testing.assert_allclose(found[3], [3.0, 6.0, 0.0, 1.0, 0.0, 0.0])
     stated = recording(card(ramp, position={"columns": ["n_m", "e_m", "d_m"], "unit": "km"})).errors
     np.testing.assert_allclose(stated[3, :3], [3e3, 6e3, 0.0])
-    assert PositionErrorColumns(columns=("a_mm", "b_mm", "c_mm")).known_unit == "mm"
-    assert VelocityErrorColumns(columns=("a_km_s", "b_km_s", "c_km_s")).known_unit == "km/s"
-    assert VelocityErrorColumns(columns=("a_m_s", "b_m_s", "c_m_s")).known_unit == "m/s"
+    assert PositionErrorColumns(columns=("a_mm", "b_mm", "c_mm")).column_unit == "mm"
+    assert VelocityErrorColumns(columns=("a_km_s", "b_km_s", "c_km_s")).column_unit == "km/s"
+    assert VelocityErrorColumns(columns=("a_m_s", "b_m_s", "c_m_s")).column_unit == "m/s"
 
 
 @pytest.mark.parametrize("names", [("n", "e", "d"), ("n_m", "e_m", "d_cm"), ("n_m_s", "e_m_s", "d_m_s")])
@@ -81,14 +81,14 @@ def test_parquet_holds_the_same(ramp, tmp_path):
 
 def test_between_rows_errors_are_straight_lines_and_outside_as_the_card_says(ramp):
     t = np.array([-1.0, 0.0, 2.25, 9.0, 9.5, 10.0, 12.25])
-    repeated, zero = sampled(card(ramp, outside="repeat"), t), sampled(card(ramp, outside="zero"), t)
+    repeated, zero = sample_errors(card(ramp, outside="repeat"), t), sample_errors(card(ramp, outside="zero"), t)
     # one interval after the last row (9 s) comes the first row again
     np.testing.assert_allclose(repeated[0, :, 0], [9.0, 0.0, 2.25, 9.0, 4.5, 0.0, 2.25])
     np.testing.assert_allclose(zero[0, :, 0], [0.0, 0.0, 2.25, 9.0, 0.0, 0.0, 0.0])
 
 
 def test_starts_are_equally_spaced_places_of_the_recording(ramp):
-    found = sampled(card(ramp, outside="repeat", starts=5), np.array([0.0, 1.0]))
+    found = sample_errors(card(ramp, outside="repeat", starts=5), np.array([0.0, 1.0]))
     np.testing.assert_allclose(found[:, :, 0], [[0, 1], [2, 3], [4, 5], [6, 7], [8, 9]])
 
 
@@ -135,7 +135,7 @@ def test_a_missing_value_has_its_place(tmp_path):
 
 def test_a_gap_that_the_card_allows_is_a_straight_line(tmp_path):
     file = write(tmp_path / "a.csv", [(k, k, 0, 0, 0, 0, 0) for k in (0, 1, 2, 8, 9)])
-    assert sampled(card(file, largest_gap="6 s"), np.array([5.0]))[0, 0, 0] == pytest.approx(5.0)
+    assert sample_errors(card(file, largest_gap="6 s"), np.array([5.0]))[0, 0, 0] == pytest.approx(5.0)
 
 
 def test_a_changed_file_is_read_again(tmp_path):
@@ -157,11 +157,11 @@ def test_an_error_in_earth_fixed_axes_is_the_difference_of_two_inertial_states()
         np.hstack([eci_from_ecef(r, theta), eci_from_ecef(v + np.cross(spin, r), theta)])
         for r, v in ((r_e, v_e), (r_e + errors[:, :3], v_e + errors[:, 3:]))
     ]
-    found = in_frame_i(errors, "ecef", eci_from_ecef(r_e, theta), theta)
+    found = inertial_errors(errors, "ecef", eci_from_ecef(r_e, theta), theta)
     np.testing.assert_allclose(found, inertial[1] - inertial[0], atol=2e-9)
     r_i = eci_from_ecef(r_e, theta)
     turn = rotation_i_n(r_i, theta) @ np.swapaxes(rotation_i_e(theta), 1, 2)  # from frame e to n
     ned = np.concatenate([np.einsum("nij,nj->ni", turn, part) for part in (errors[:, :3], errors[:, 3:])], axis=1)
-    np.testing.assert_allclose(in_frame_i(ned, "ned", r_i, theta), found, atol=1e-9)
-    np.testing.assert_array_equal(in_frame_i(errors, "eci", r_i, theta), errors)
+    np.testing.assert_allclose(inertial_errors(ned, "ned", r_i, theta), found, atol=1e-9)
+    np.testing.assert_array_equal(inertial_errors(errors, "eci", r_i, theta), errors)
     assert np.allclose(ecef_from_eci(found[:, :3], theta), errors[:, :3])

@@ -16,7 +16,13 @@ from lvnav_trade.gnss.constellation import (
     orbits,
 )
 from lvnav_trade.gnss.rinex import read_navigation
-from lvnav_trade.gnss.satellites import CombinedSatellites, left_out, nearest, satellites, time_offsets
+from lvnav_trade.gnss.satellites import (
+    CombinedSatellites,
+    broken_record_remarks,
+    nearest_records,
+    satellites,
+    time_offsets,
+)
 from lvnav_trade.gnss.visibility import transmission
 from lvnav_trade.kernels.clock import SPEED_OF_LIGHT
 from lvnav_trade.quantities.errors import InputError
@@ -143,7 +149,7 @@ def test_systems_are_chosen_by_the_card_and_lists_of_files_are_one_set(refdata):
 
 def test_of_galileos_two_messages_that_on_e1_is_taken(refdata):
     records = read_navigation(refdata / MIXED).ephemerides
-    near = nearest((item for item in records if item.name[0] == "E"), gps_time(2018, 6, 19, 12, 0, 0))
+    near = nearest_records((item for item in records if item.name[0] == "E"), gps_time(2018, 6, 19, 12, 0, 0))
     assert {item.elements["data_source"] for item in near.values()} == {517.0}
 
 
@@ -248,12 +254,12 @@ def test_a_broken_record_costs_no_other_and_is_reported_where_its_system_is_take
     lift_off = "2018-06-18T16:00:00Z"
     card = own(tmp_path, text, systems=["Galileo"])
     assert satellites(card, lift_off).names == ("E01",)
-    (line,) = left_out(card)
+    (line,) = broken_record_remarks(card)
     assert line.removeprefix(f"{tmp_path / 'own.rnx'}: ").startswith(
         "1 broken record of E02 left out, the first at line 16: E02 root of the semi-major axis: "
     )
-    assert left_out(own(tmp_path, text, systems=["GLONASS"])) == []
-    assert left_out(own(tmp_path, text.replace(dead, stated(dead, 6, 1, 1.0)), systems=["Galileo"])) == []
+    assert broken_record_remarks(own(tmp_path, text, systems=["GLONASS"])) == []
+    assert broken_record_remarks(own(tmp_path, text.replace(dead, stated(dead, 6, 1, 1.0)), systems=["Galileo"])) == []
     with pytest.raises(InputError, match=r"own\.rnx:8: E02 root of the semi-major axis: .* is outside 2600"):
         satellites(own(tmp_path, HEAD_3 + dead + GLONASS_3, systems=["Galileo"]), lift_off)
 
@@ -264,7 +270,7 @@ def test_a_state_of_glonass_that_no_satellite_can_have_is_broken(tmp_path):
         zero = stated(zero, line, 0, 0.0)
     card = own(tmp_path, HEAD_3 + GLONASS_3 + zero)
     assert satellites(card, "2018-06-18T18:15:00Z").names == ("R01",)
-    assert "R02 position: its size of 0 m is outside 1e+07 to 5e+07" in left_out(card)[0]
+    assert "R02 position: its size of 0 m is outside 1e+07 to 5e+07" in broken_record_remarks(card)[0]
     with pytest.raises(InputError, match="R02 position: its size of 0 m"):
         satellites(own(tmp_path, HEAD_3 + zero), "2018-06-18T18:15:00Z")
 

@@ -4,7 +4,17 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from lvnav_trade.gnss.tracking import DEAF, DYNAMICS, HELD, HIDDEN, WEAK, ChannelSignals, TrackingCard, share, track
+from lvnav_trade.gnss.tracking import (
+    DEAF,
+    DYNAMICS,
+    HELD,
+    HIDDEN,
+    WEAK,
+    ChannelSignals,
+    TrackingCard,
+    search_fraction,
+    track,
+)
 from lvnav_trade.quantities.records import ACQUIRE, IDLE, LOST, SEARCH, TRACK
 
 STEP = 0.1
@@ -27,23 +37,23 @@ def take(given, sat, start, end, cause=WEAK):
     """Take a satellite's signal away between two times, the end excluded."""
     within = (given.t >= start - 1e-9) & (given.t < end - 1e-9)
     given.cause[within, sat] = cause
-    given.strong[within, sat] = False
+    given.is_strong[within, sat] = False
     if cause == HIDDEN:
-        given.expected[within, sat] = False
+        given.is_in_view[within, sat] = False
 
 
 def of(transitions, satellite):
-    return [(round(x.t, 3), x.before, x.after, x.reason) for x in transitions if x.satellite == satellite]
+    return [(round(x.t, 3), x.state_before, x.state_after, x.reason) for x in transitions if x.satellite == satellite]
 
 
 def times(transitions, after):
-    return {x.satellite: x.t for x in transitions if x.after == after}
+    return {x.satellite: x.t for x in transitions if x.state_after == after}
 
 
 def test_signals_that_stay_are_tracked_from_the_start_to_the_end():
     states, transitions = track(card(), 16, NAMES[:4], signals(10.0))
     assert np.all(states == TRACK)
-    assert [(x.t, x.before, x.after) for x in transitions] == [(0.0, "idle", "track")] * 4
+    assert [(x.t, x.state_before, x.state_after) for x in transitions] == [(0.0, "idle", "track")] * 4
 
 
 def test_from_cold_satellites_come_one_after_the_other_the_highest_first():
@@ -54,7 +64,7 @@ def test_from_cold_satellites_come_one_after_the_other_the_highest_first():
     for name, later in pairwise(NAMES[:4]):
         assert searched[later] == pytest.approx(found[name])  # the one searcher is free when the signal is found
     for name in NAMES[:4]:
-        window = share(settings, name, searched[name]) * 20.0
+        window = search_fraction(settings, name, searched[name]) * 20.0
         assert 0.0 <= found[name] - searched[name] - window < STEP + 1e-9
         assert tracked[name] - found[name] == pytest.approx(2.0, abs=STEP)
 
@@ -62,11 +72,11 @@ def test_from_cold_satellites_come_one_after_the_other_the_highest_first():
 def test_more_searchers_search_at_the_same_time():
     settings = card(start="searching", searchers=3, aiding="none")
     _, transitions = track(settings, 16, NAMES[:4], signals(1.0))
-    assert sum(x.after == "search" and x.t == 0.0 for x in transitions) == 3
+    assert sum(x.state_after == "search" and x.t == 0.0 for x in transitions) == 3
 
 
 def test_passes_last_on_average_half_their_time_and_never_longer():
-    shares = [share(card(realisation=k), "G05", 12.3) for k in range(4000)]
+    shares = [search_fraction(card(realisation=k), "G05", 12.3) for k in range(4000)]
     assert 0.0 < min(shares) < 0.002
     assert 0.998 < max(shares) < 1.0
     # uniform: mean 1/2, variance 1/12; four sigma of the mean of 4000
@@ -88,7 +98,7 @@ def test_a_lost_satellite_is_found_sooner_while_it_is_remembered():
         take(given, 0, 5.0, 5.0 + duration)
         settings = card(search_time="40 s", reacquire_time="2 s", memory="10 s", aiding="none", pull_in="0 s")
         _, transitions = track(settings, 16, NAMES[:4], given)
-        states = [x for x in transitions if x.satellite == "G01" and x.after == "track"]
+        states = [x for x in transitions if x.satellite == "G01" and x.state_after == "track"]
         return states[-1].t - 5.0 - duration
 
     # Found by the pass that is going on or by the next: of 2 s each, or of 40 s each.
@@ -104,11 +114,11 @@ def test_searches_are_narrower_while_the_receiver_is_aided(aiding, left, aided):
     take(given, left, 5.0, 5.1)
     settings = card(aiding=aiding, aided_factor=0.1, search_time="30 s", memory="0 s", pull_in="0 s")
     _, transitions = track(settings, 16, NAMES[: left + 1], given)
-    search = next(x for x in transitions if x.after == "search")
-    found = next(x for x in transitions if x.after == "acquire" or x.reason == "not found")
+    search = next(x for x in transitions if x.state_after == "search")
+    found = next(x for x in transitions if x.state_after == "acquire" or x.reason == "not found")
     assert (search.reason == "aided search") is aided
     window = 30.0 * (0.1 if aided else 1.0)
-    assert found.t - search.t == pytest.approx(window * share(settings, NAMES[left], search.t), abs=STEP)
+    assert found.t - search.t == pytest.approx(window * search_fraction(settings, NAMES[left], search.t), abs=STEP)
 
 
 def test_recovery_is_faster_with_the_fused_state_than_alone():
@@ -204,9 +214,9 @@ def test_every_change_of_state_is_recorded_and_follows_from_the_one_before():
     assert [x.t for x in transitions] == sorted(x.t for x in transitions)
     for sat, name in enumerate(NAMES):
         own = [x for x in transitions if x.satellite == name]
-        assert own[0].before == "idle"
-        assert all(a.after == b.before for a, b in pairwise(own))
-        ends = {x.t: x.after for x in own}  # the last of a step
+        assert own[0].state_before == "idle"
+        assert all(a.state_after == b.state_before for a, b in pairwise(own))
+        ends = {x.t: x.state_after for x in own}  # the last of a step
         known = ("idle", "search", "acquire", "track", "lost")
         seen = "idle"
         for t, state in zip(given.t, states[:, sat], strict=True):

@@ -8,7 +8,14 @@ from scipy.interpolate import make_interp_spline
 from lvnav_trade.gnss.constellation import NominalConstellation, orbits
 from lvnav_trade.gnss.fault_cards import SatelliteOutage
 from lvnav_trade.gnss.receiver_cards import ReceiverCard
-from lvnav_trade.gnss.visibility import GRAZING_HEIGHT, antenna, mask, satellite_inertial, sky, transmission
+from lvnav_trade.gnss.visibility import (
+    GRAZING_HEIGHT,
+    antenna_motion,
+    mask_angle,
+    satellite_inertial,
+    sky,
+    transmission,
+)
 from lvnav_trade.kernels.clock import SPEED_OF_LIGHT
 from lvnav_trade.kernels.earth import OMEGA, SEMI_MAJOR
 from lvnav_trade.quantities.frames import (
@@ -57,7 +64,7 @@ def receiver(**changes):
 
 def test_the_light_time_equation_holds_to_a_micrometre(gps_24, flight):
     orbit = orbits(gps_24, EPOCH)
-    here, _ = antenna(flight, receiver(), T)
+    here, _ = antenna_motion(flight, receiver(), T)
     sent = transmission(orbit, flight.theta0, T, here)
     r_i, _ = satellite_inertial(orbit, flight.theta0, T[:, None] - sent.travel)
     distance = np.linalg.norm(r_i - here[:, None, :], axis=-1)
@@ -67,7 +74,7 @@ def test_the_light_time_equation_holds_to_a_micrometre(gps_24, flight):
 
 def test_the_range_equals_the_earth_fixed_formula_with_the_satellite_turned_by_the_travel(gps_24, flight):
     seen = sky(gps_24, receiver(), flight, T)
-    here, _ = antenna(flight, receiver(), T)
+    here, _ = antenna_motion(flight, receiver(), T)
     here_e = ecef_from_eci(here, earth_angle(flight.theta0, T))[:, None, :]
     orbit, travel = orbits(gps_24, EPOCH), np.full((T.size, 24), 0.08)
     for _ in range(6):
@@ -97,10 +104,10 @@ def test_the_range_rate_is_the_derivative_of_the_range(gps_24, flight, lever):
     card, step = receiver(lever_b=lever), 0.02
 
     def distance(t):
-        here, _ = antenna(flight, card, t)
+        here, _ = antenna_motion(flight, card, t)
         return np.linalg.norm(sky(gps_24, card, flight, t).r_i - here[:, None, :], axis=-1)
 
-    seen, (here, velocity) = sky(gps_24, card, flight, T), antenna(flight, card, T)
+    seen, (here, velocity) = sky(gps_24, card, flight, T), antenna_motion(flight, card, T)
     line = seen.r_i - here[:, None, :]
     unit = line / np.linalg.norm(line, axis=-1, keepdims=True)
     rate = np.sum(unit * (seen.v_i - velocity[:, None, :]), axis=-1)
@@ -113,10 +120,10 @@ def test_the_range_rate_is_the_derivative_of_the_range(gps_24, flight, lever):
 def test_the_antenna_stands_at_the_end_of_its_lever_arm(gps_24, flight):
     lever_b, at = np.array([2.0, -0.8, 0.5]), motion(flight, T)
     card = receiver(lever_b=("2 m", "-0.8 m", "0.5 m"))
-    here, velocity = antenna(flight, card, T)
+    here, velocity = antenna_motion(flight, card, T)
     np.testing.assert_allclose(here - at.r_i, matrices(at.q_b_i) @ lever_b, rtol=0.0, atol=1e-8)
     step = 0.01
-    difference = (antenna(flight, card, T + step)[0] - antenna(flight, card, T - step)[0]) / (2 * step)
+    difference = (antenna_motion(flight, card, T + step)[0] - antenna_motion(flight, card, T - step)[0]) / (2 * step)
     np.testing.assert_allclose(velocity, difference, rtol=0.0, atol=1e-4)
     assert np.max(np.linalg.norm(velocity - at.v_i, axis=-1)) > 1e-3
 
@@ -129,29 +136,30 @@ def lowest_heights(here, there):
 
 def test_no_tracked_ray_passes_through_the_earth_and_no_clear_one_is_refused(gps_24, flight):
     seen = sky(gps_24, receiver(mask="-90 deg", channels=64), flight, T)
-    here, _ = antenna(flight, receiver(), T)
+    here, _ = antenna_motion(flight, receiver(), T)
     for epoch, theta in enumerate(earth_angle(flight.theta0, T)):
         height = geodetic_from_ecef(ecef_from_eci(here[epoch], theta))[2]
         lowest = lowest_heights(*(ecef_from_eci(r, theta) for r in np.broadcast_arrays(here[epoch], seen.r_i[epoch])))
         limit = min(GRAZING_HEIGHT, height)
-        assert np.all(lowest[seen.tracked[epoch]] > limit - 100.0)
-        assert np.all(lowest[~seen.tracked[epoch]] < limit + 100.0)  # sphere of stretched axes: within 34 m of height
+        assert np.all(lowest[seen.is_tracked[epoch]] > limit - 100.0)
+        # sphere of stretched axes: within 34 m of height
+        assert np.all(lowest[~seen.is_tracked[epoch]] < limit + 100.0)
 
 
 def test_more_satellites_are_tracked_as_the_vehicle_rises(gps_24, flight):
-    count = sky(gps_24, receiver(mask="-25 deg", channels=64), flight, T).tracked.sum(axis=1)
+    count = sky(gps_24, receiver(mask="-25 deg", channels=64), flight, T).is_tracked.sum(axis=1)
     assert np.all(count[T >= 580.0] >= count[T <= 0.0].max() + 2)
     flat = sky(gps_24, receiver(mask="0 deg", channels=64), flight, T)
-    assert np.array_equal(flat.tracked, flat.elevation >= 0.0)
+    assert np.array_equal(flat.is_tracked, flat.elevation >= 0.0)
 
 
 def test_no_more_than_the_channels_are_tracked_and_those_the_highest(gps_24, flight):
     free, few = (sky(gps_24, receiver(channels=channels), flight, T) for channels in (64, 5))
-    assert np.array_equal(free.tracked, free.elevation >= math.radians(5.0))
-    assert np.all(few.tracked.sum(axis=1) == 5)
+    assert np.array_equal(free.is_tracked, free.elevation >= math.radians(5.0))
+    assert np.all(few.is_tracked.sum(axis=1) == 5)
     for epoch in range(T.size):
-        left_out = free.tracked[epoch] & ~few.tracked[epoch]
-        assert few.elevation[epoch][few.tracked[epoch]].min() > few.elevation[epoch][left_out].max()
+        left_out = free.is_tracked[epoch] & ~few.is_tracked[epoch]
+        assert few.elevation[epoch][few.is_tracked[epoch]].min() > few.elevation[epoch][left_out].max()
 
 
 def test_a_mask_that_sinks_is_the_papers_at_every_height():
@@ -160,19 +168,19 @@ def test_a_mask_that_sinks_is_the_papers_at_every_height():
     heights = np.array([0.0, 37.594e3, 75.188e3, 350e3])
     here = eci_from_ecef(ecef_from_geodetic(0.0 * heights, 0.3 + 0.0 * heights, heights), 1.2 + 0.0 * heights)
     dip = math.degrees(math.acos((SEMI_MAJOR + 75.188e3) / (SEMI_MAJOR + 350e3)))
-    found = np.degrees(mask(card, 1.2, np.zeros(4), here))[:, 0]
+    found = np.degrees(mask_angle(card, 1.2, np.zeros(4), here))[:, 0]
     np.testing.assert_allclose(found, [10.0, 5.0, 0.0, -dip], rtol=0.0, atol=1e-6)
-    assert mask(receiver(mask="10 deg"), 1.2, np.zeros(4), here) == math.radians(10.0)
+    assert mask_angle(receiver(mask="10 deg"), 1.2, np.zeros(4), here) == math.radians(10.0)
 
 
 def test_an_outage_keeps_the_highest_and_moves_nothing_else(gps_24, flight):
     fault = SatelliteOutage(start="cutoff + 20 s", duration="60 s", keep=3)
     whole, faulty = sky(gps_24, receiver(), flight, T), sky(gps_24, receiver(), flight, T, [fault])
     within = (T >= 520.0) & (T < 580.0)
-    assert np.all(faulty.tracked[within].sum(axis=1) == 3)
+    assert np.all(faulty.is_tracked[within].sum(axis=1) == 3)
     kept = np.argsort(-whole.elevation[T == 520.0][0])[:3]
-    assert np.all(faulty.tracked[within][:, kept])
-    assert np.array_equal(faulty.tracked[~within], whole.tracked[~within])
+    assert np.all(faulty.is_tracked[within][:, kept])
+    assert np.array_equal(faulty.is_tracked[~within], whole.is_tracked[~within])
     for name in ("t", "r_i", "v_i", "azimuth", "elevation"):
         assert np.array_equal(getattr(whole, name), getattr(faulty, name))
 
@@ -180,4 +188,4 @@ def test_an_outage_keeps_the_highest_and_moves_nothing_else(gps_24, flight):
 def test_a_flight_without_epochs_has_an_empty_sky(gps_24, flight):
     seen = sky(gps_24, receiver(), flight, np.empty(0))
     assert seen.r_i.shape == (0, 24, 3)
-    assert seen.tracked.shape == (0, 24)
+    assert seen.is_tracked.shape == (0, 24)

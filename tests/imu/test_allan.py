@@ -14,11 +14,11 @@ from lvnav_trade.imu.allan import (
     Process,
     autocovariance,
     autoregressive,
+    combined_deviation,
     fit_floor,
     gauss_markov,
     overlapping,
     random_walk,
-    together,
     white,
 )
 
@@ -66,7 +66,7 @@ def test_the_overlapping_deviation_of_a_few_rates_is_that_of_its_definition():
 @pytest.mark.parametrize(("count", "within"), [(2, 0.2), (3, 0.05), (4, 0.012), (5, 0.003)])
 def test_processes_together_are_the_floor(count, within):
     found, tau = fit_floor(5e-8, count, 1.0, 1000.0), np.geomspace(1.0, 1000.0, 200)
-    level = together(*(gauss_markov(one, tau) for one in found)) / (5e-8 * FLOOR)
+    level = combined_deviation(*(gauss_markov(one, tau) for one in found)) / (5e-8 * FLOOR)
     assert np.abs(level - 1.0).max() < within
     assert [one.time_constant for one in found] == sorted(one.time_constant for one in found)
 
@@ -120,6 +120,6 @@ def test_the_deviation_from_an_autocovariance_is_the_closed_form():
 @pytest.mark.parametrize("order", [2, 3, 5])
 def test_two_processes_are_nearer_to_the_floor_than_an_autoregressive_one_of_higher_order(order):
     tau = np.geomspace(1.0, 1000.0, 60)
-    two = np.log(together(*(gauss_markov(one, tau) for one in fit_floor(1.0, 2, 1.0, 1000.0))) / FLOOR)
+    two = np.log(combined_deviation(*(gauss_markov(one, tau) for one in fit_floor(1.0, 2, 1.0, 1000.0))) / FLOOR)
     assert 0.15 < np.abs(two).max() < 0.20
     assert 0.25 < _autoregressive_misfit(order) < 0.65

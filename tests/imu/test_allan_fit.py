@@ -60,7 +60,7 @@ def test_what_a_stream_cannot_show_is_bounded():
     found = fit(rng.standard_normal(20_000), 0.1, ladder(20_000, 0.1)).coefficients
     assert found["random_walk"].low <= math.sqrt(0.1) <= found["random_walk"].high
     for name in ("quantisation", "bias_instability", "rate_random_walk"):
-        assert not found[name].shown
+        assert not found[name].is_significant
         assert found[name].value == found[name].low == 0.0 < found[name].high
 
 
@@ -72,19 +72,19 @@ def test_errors_that_no_process_of_the_fit_has_make_the_intervals_wider():
 
 @pytest.mark.slow
 def test_intervals_cover_the_card_in_90_to_98_5_percent_of_200_streams_of_the_kernels():
-    prepared = case(*CARD)
-    imu, n, dt = prepared.scenario.imu, 20_000, 0.1
+    prepared_case = case(*CARD)
+    imu, n, dt = prepared_case.scenario.imu, 20_000, 0.1
     factors = ladder(n, dt, longest=300.0)
     true = {first: [getattr(card, name) for name in NAMES] for first, card in ((0, imu.gyro), (3, imu.accel))}
     hits = dict[tuple[int, str], list[bool]]()
     for seed in range(67):
-        means = stream_at_rest(prepared, 0, imu, n, seed)
+        means = stream_at_rest(prepared_case, 0, imu, n, seed)
         for first, axis in product((0, 3), range(3)):
             found = fit(means[:, first + axis], dt, factors).coefficients
             for name, value in zip(NAMES, true[first], strict=True):
                 if value > 0.0:
                     one = found[name]
-                    hits.setdefault((first, name), []).append(one.shown and one.low <= value <= one.high)
+                    hits.setdefault((first, name), []).append(one.is_significant and one.low <= value <= one.high)
     shares = {key: float(np.mean(some[:200])) for key, some in hits.items()}
     assert {key: share for key, share in shares.items() if not 0.90 <= share <= 0.985} == {}
     assert len(shares) == 6

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from lvnav_trade.imu.array import ImuSet, triads_of
+from lvnav_trade.imu.array import ImuSet, list_triads
 from lvnav_trade.imu.differences import difference, relative_errors
 from lvnav_trade.kernels.transition import GYRO
 
@@ -37,22 +37,22 @@ def of_units(*units: dict[str, Any], **fields: Any) -> ImuSet:
 
 def test_least_squares_gives_the_rate_back_and_weights_the_better_unit():
     other = {"gyro": {"random_walk": "3e-5 rad/s**0.5"}, "accel": {"random_walk": "2e-3 m/s**1.5"}}
-    first, second = triads_of(of_units({}, other))
+    first, second = list_triads(of_units({}, other))
     assert first.gyro + second.gyro == pytest.approx(np.eye(3))
     assert np.diag(first.gyro) == pytest.approx(0.9 * np.ones(3))
     assert np.diag(first.accel) == pytest.approx(0.8 * np.ones(3))
-    assert np.diag(triads_of(of_units({}, other, weights="equal"))[0].gyro) == pytest.approx(0.5 * np.ones(3))
+    assert np.diag(list_triads(of_units({}, other, weights="equal"))[0].gyro) == pytest.approx(0.5 * np.ones(3))
     rate = np.array([0.1, -0.2, 0.3])
     skewed = of_units({"axes": cone(4)}, {"orientation": ["10 deg", "20 deg", "30 deg"]}, other)
-    assert sum(t.gyro @ t.frames[:, 0] @ rate for t in triads_of(skewed)) == pytest.approx(rate)
+    assert sum(t.gyro @ t.frames[:, 0] @ rate for t in list_triads(skewed)) == pytest.approx(rate)
 
 
 def test_a_frame_of_each_axis_is_orthonormal_and_begins_with_it():
-    for triad in triads_of(of_units({"axes": DODECAHEDRON}, {})):
+    for triad in list_triads(of_units({"axes": DODECAHEDRON}, {})):
         for frame in triad.frames[: triad.n_axis]:
             assert frame @ frame.T == pytest.approx(np.eye(3), abs=1e-12)
             assert np.linalg.det(frame) == pytest.approx(1.0)
-    assert triads_of(of_units({}))[0].frames[1] == pytest.approx(np.roll(np.eye(3), -1, axis=0))
+    assert list_triads(of_units({}))[0].frames[1] == pytest.approx(np.roll(np.eye(3), -1, axis=0))
 
 
 @pytest.mark.parametrize(
@@ -78,7 +78,7 @@ def test_a_set_that_makes_no_sense_is_refused_in_one_line(units, fields, message
 def test_what_two_units_differ_by_is_free_of_the_noise_of_their_average():
     """Weighted by noise, A R D' = 0 for any geometry; like units have biases that the difference tells nothing of."""
     card = of_units({"axes": cone(4)}, {"axes": DODECAHEDRON, "gyro": {"random_walk": "3e-5 rad/s**0.5"}}, {})
-    triads, columns = triads_of(card), difference(card, 0, 1)
+    triads, columns = list_triads(card), difference(card, 0, 1)
     noise = [card.units[triad.unit].gyro.random_walk ** 2 for triad in triads]
     shared = sum(q * t.gyro @ D[GYRO].T for q, t, D in zip(noise, triads, columns, strict=True))
     assert shared == pytest.approx(np.zeros((3, 3)), abs=1e-12 * max(noise))

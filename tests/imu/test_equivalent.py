@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from lvnav_trade.imu.array import triads_of
+from lvnav_trade.imu.array import list_triads
 from lvnav_trade.imu.equivalent import equivalent
 from lvnav_trade.imu.error_model import ImuCard
 from tests.imu.test_array import CARD, DODECAHEDRON, cone, of_units
@@ -31,7 +31,7 @@ def test_the_noise_of_n_skewed_axes_of_isotropic_geometry_falls_with_the_root_of
         card = of_units(*units)
         found = equivalent(card)
         assert found.gyro.random_walk == pytest.approx(alone.gyro.random_walk * math.sqrt(3.0 / len(axes)), rel=1e-9)
-        covariance = sum(triad.gyro @ triad.gyro.T for triad in triads_of(card))
+        covariance = sum(triad.gyro @ triad.gyro.T for triad in list_triads(card))
         assert covariance == pytest.approx(np.eye(3) * 3.0 / len(axes), abs=1e-9)
 
 

@@ -13,11 +13,11 @@ from pydantic import ValidationError
 from lvnav_trade.imu.allan import overlapping
 from lvnav_trade.imu.error_model import AccelCard, GyroCard, ImuCard, error_terms, lag
 from lvnav_trade.kernels import processes
-from lvnav_trade.kernels.jit import making_arrays
+from lvnav_trade.kernels.jit import array_jit
 from lvnav_trade.kernels.random import seed_words
 from lvnav_trade.quantities.records import Reference
 from lvnav_trade.simulation.imu_sensing import sense
-from lvnav_trade.simulation.preparation.imu import unit_of
+from lvnav_trade.simulation.preparation.imu import imu_truth_of
 
 DEG, HOUR, G = math.pi / 180.0, 3600.0, 9.80665
 KEY = seed_words(7)
@@ -36,7 +36,7 @@ class Inside(NamedTuple):
     remainder: np.ndarray
 
 
-@making_arrays
+@array_jit
 def collect(out, work, unit, k0, k1):
     """Fill out (n_run, n_tick, 6) with what the unit puts out in runs 0, 1, ..."""
     for run in range(out.shape[0]):
@@ -61,7 +61,7 @@ def simulate(gyro=None, accel=None, n_run=2000, seconds=2.0, rate=100.0, moving=
     dtheta, dvel = (np.ascontiguousarray(ideal[:, at]) for at in (GYRO, ACCEL))
     ref = Reference(t, none, none, np.zeros((n + 1, 4)), none, none, dtheta, dvel)
     blocks = tuple(error_terms(card))
-    unit = unit_of(SimpleNamespace(imu=card, faults=()), ref, blocks, {})
+    unit = imu_truth_of(SimpleNamespace(imu=card, faults=()), ref, blocks, {})
     n_true = max(1, len(blocks))
     work = Inside(
         np.zeros(1, dtype=np.uint64),
@@ -221,7 +221,7 @@ def test_a_fit_is_one_cause_of_several_parts():
     fitted = GyroCard(bias_instability="3 deg/h", instability_fit={"processes": 3})
     plain = GyroCard(bias_instability="3 deg/h", instability_time="30 s")
     blocks = error_terms(ImuCard(name="x", source="x", gyro=fitted, accel=AccelCard()))
-    assert [(b.name, b.part) for b in blocks] == [("gyro bias instability", k) for k in range(3)]
+    assert [(b.name, b.term_index) for b in blocks] == [("gyro bias instability", k) for k in range(3)]
     (alone,) = error_terms(ImuCard(name="x", source="x", gyro=plain, accel=AccelCard()))
     assert (alone.sigma, alone.time_constant) == (plain.bias_instability, 30.0) == plain.instability
     slowest = fitted.instability_processes[-1]

@@ -8,25 +8,25 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from lvnav_trade.imu.redundancy import middle
+from lvnav_trade.imu.redundancy import median_model
 from tests.imu.test_array import of_units
 
 
 @pytest.mark.parametrize(("n", "variance"), [(3, 0.448671), (4, 0.298246), (5, 0.286834)])
 def test_the_middle_of_like_readings_has_the_published_variance(n, variance):
     """Variance of the median of n standard normal numbers (Teichroew, Ann. Math. Stat. 27, 1956)."""
-    found = middle(np.zeros(n), np.ones(n), np.full(n, 1e-6))
+    found = median_model(np.zeros(n), np.ones(n), np.full(n, 1e-6))
     assert found.gains == pytest.approx(np.full(n, 1.0 / n), abs=1e-6)
-    assert found.white == pytest.approx(variance, rel=0.01)
+    assert found.white_variance == pytest.approx(variance, rel=0.01)
     assert found.mean == pytest.approx(0.0, abs=1e-9)
 
 
 def test_the_middle_beside_a_reading_far_off_is_the_larger_of_the_others():
     """E max = 1 / sqrt(pi), Var max = 1 - 1 / pi of two standard normal numbers."""
-    found = middle(np.array([0.0, 0.0, 50.0]), np.ones(3), np.full(3, 1e-6))
+    found = median_model(np.array([0.0, 0.0, 50.0]), np.ones(3), np.full(3, 1e-6))
     assert found.gains == pytest.approx([0.5, 0.5, 0.0], abs=1e-6)
     assert found.mean == pytest.approx(1.0 / math.sqrt(math.pi), abs=1e-6)
-    assert found.white == pytest.approx(1.0 - 1.0 / math.pi, rel=0.02)
+    assert found.white_variance == pytest.approx(1.0 - 1.0 / math.pi, rel=0.02)
 
 
 @pytest.mark.parametrize("size", [0.1, 1.0, 5.0])
@@ -35,10 +35,10 @@ def test_what_lasts_of_the_middle_is_its_mean_over_the_noise(size):
     rng, mean, white = np.random.default_rng(4), np.array([0.0, 0.3, 1.0]), np.array([1.0, 0.7, 1.2])
     held = mean + size * rng.standard_normal((200_000, 3))
     a, b = (np.median(held + white * rng.standard_normal(held.shape), axis=1) for _ in range(2))
-    found = middle(mean, white, np.full(3, size))
+    found = median_model(mean, white, np.full(3, size))
     assert found.mean == pytest.approx(a.mean(), abs=0.01 * (1.0 + size))
-    assert found.lasting == pytest.approx(np.cov(a, b)[0, 1], rel=0.05, abs=0.005)
-    assert found.lasting + found.white == pytest.approx(np.var(a), rel=0.03)
+    assert found.constant_variance == pytest.approx(np.cov(a, b)[0, 1], rel=0.05, abs=0.005)
+    assert found.constant_variance + found.white_variance == pytest.approx(np.var(a), rel=0.03)
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 
-from lvnav_trade.kernels.jit import jit, making_arrays
+from lvnav_trade.kernels.jit import array_jit, jit
 
 
 class Inner(NamedTuple):
@@ -160,7 +160,7 @@ def test_a_number_is_cast_to_what_the_array_holds() -> None:
     assert whole[1, 2] == 2
 
 
-@making_arrays
+@array_jit
 def branches(x):
     if x > 0.0:
         found = np.full(3, x)
@@ -181,7 +181,7 @@ def test_variables_set_at_one_place_keep_their_arrays_alive(x: float) -> None:
         np.testing.assert_array_equal(branches(x), branches.py_func(x))
 
 
-@making_arrays
+@array_jit
 def _slope(y, record):
     out = np.zeros(y.size)
     for i in range(y.size):
@@ -189,13 +189,13 @@ def _slope(y, record):
     return out
 
 
-@making_arrays
+@array_jit
 def _step(y, record):
     slope = _slope(y, record)
     return y + 0.5 * (slope + _slope(y + slope, record))
 
 
-@making_arrays
+@array_jit
 def stepped(y, n, record):
     for _ in range(n):
         y = _step(y, record)

@@ -7,7 +7,7 @@ import inspect
 import numpy as np
 import pytest
 
-from lvnav_trade.kernels.choice import choosing, source_of
+from lvnav_trade.kernels.choice import choose_kernel, source_of
 
 
 def double(out, x):
@@ -18,7 +18,7 @@ def add(y, out, x):
     out[0] = x + y
 
 
-@choosing([double, None, add, double])
+@choose_kernel([double, None, add, double])
 def chosen(out, code, x, y):
     """Set out (1,) by the number."""
 
@@ -43,7 +43,7 @@ def test_it_is_as_if_someone_had_written_it():
 
 
 def test_the_source_of_any_other_function_is_that_of_its_file():
-    assert source_of(choosing) == inspect.getsource(choosing)
+    assert source_of(choose_kernel) == inspect.getsource(choose_kernel)
 
 
 def test_two_kernels_of_one_name_are_both_called():
@@ -52,7 +52,7 @@ def test_two_kernels_of_one_name_are_both_called():
 
     other.__name__ = "double"
 
-    @choosing([double, other])
+    @choose_kernel([double, other])
     def either(out, code, x):
         """Set out (1,)."""
 
@@ -64,6 +64,6 @@ def test_two_kernels_of_one_name_are_both_called():
 def test_a_kernel_that_asks_for_what_is_not_there_is_named():
     with pytest.raises(TypeError, match=r"test_choice\.add asks for y; there is out, code, x"):
 
-        @choosing([add])
+        @choose_kernel([add])
         def unable(out, code, x):
             """Set out (1,)."""

@@ -40,7 +40,7 @@ case = prepare(cases(load("campaigns/demo.yaml"))[-1].scenario, 10.0)
 found = covariance(case)
 runs = run_block(case, 1, 0, 8)
 budget = adjoint(case, float(case.t_hist[-1]))
-arrays = (found.true_sigma, found.formal, found.budget, runs.err, runs.sigma, runs.nis, budget.contribution)
+arrays = (found.true_sigma, found.formal_sigma, found.budget, runs.err, runs.sigma, runs.nis, budget.contribution)
 print([hashlib.sha256(array.tobytes()).hexdigest()[:8] for array in arrays])
 """
 

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from numba.core.registry import CPUDispatcher
 
-from lvnav_trade.kernels.jit import inlined, jit, making_arrays
+from lvnav_trade.kernels.jit import array_jit, inline_jit, jit
 
 
 @jit
@@ -22,7 +22,7 @@ def ratio(a, b):
     return a / b
 
 
-@inlined
+@inline_jit
 def _twice(a):
     return 2.0 * a
 
@@ -41,7 +41,7 @@ def test_a_step_that_is_compiled_into_its_caller_computes_the_same() -> None:
     assert four_times(1.5) == 6.0
 
 
-@making_arrays
+@array_jit
 def copied(a):
     b = np.empty(a.size)
     b[:] = a
@@ -80,7 +80,7 @@ def plus_three(a):
 """
 
 
-ROWS = "from lvnav_trade.kernels.jit import making_arrays\n" + "".join(
+ROWS = "from lvnav_trade.kernels.jit import array_jit\n" + "".join(
     f"""
 @{decorator}
 def {name}(rows):
@@ -91,7 +91,7 @@ def {name}(rows):
             best = row
     return best[0] + best[1]
 """
-    for name, decorator in (("largest", "jit"), ("largest_counted", "making_arrays"))
+    for name, decorator in (("largest", "jit"), ("largest_counted", "array_jit"))
 )
 LANES = """
 from lvnav_trade.kernels.lanes import view
@@ -246,14 +246,14 @@ def test_no_kernel_without_counted_references_calls_one_that_makes_arrays() -> N
         (module, name)
         for module, tree in trees.items()
         for name, (decorators, _) in _decorated(tree).items()
-        if "making_arrays" in decorators
+        if "array_jit" in decorators
     }
     assert len(makers) > 20
     offences = [
         f"{module}.{name} calls {call.func.id}"
         for module, tree in trees.items()
         for name, (decorators, function) in _decorated(tree).items()
-        if decorators & {"jit", "inlined"}
+        if decorators & {"jit", "inline_jit"}
         for call in ast.walk(function)
         if isinstance(call, ast.Call)
         and isinstance(call.func, ast.Name)

@@ -15,7 +15,7 @@ from lvnav_trade.kernels.covariance import (
     update_scalar,
     update_vector,
 )
-from lvnav_trade.kernels.jit import making_arrays
+from lvnav_trade.kernels.jit import array_jit
 
 NONE = np.zeros(0, dtype=np.int64)
 
@@ -63,7 +63,7 @@ def test_the_true_update_is_josephs_form_for_any_gain():
 # ---------------------------------------------------------------------------------- the three stored baselines of ODTBX
 
 
-@making_arrays
+@array_jit
 def take_rows(formal, sources, h, entries, columns, variance, true_variance, noise_source, n_estimated):
     """Process rows in the formal covariance, and with their gains in every source; `sources` (n_source, n, n)."""
     n = formal.shape[0]
@@ -77,7 +77,7 @@ def take_rows(formal, sources, h, entries, columns, variance, true_variance, noi
             update_covariance(sources[s], work, gain, h[row], entries, columns[row], noise)
 
 
-@making_arrays
+@array_jit
 def advance(P, blocks, rows, columns, noise, clock, seconds, n_step):
     """Propagate in many short steps: noise enters a step half before and half after, exact as the steps shrink."""
     n = P.shape[0]

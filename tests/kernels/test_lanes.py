@@ -12,7 +12,18 @@ import pytest
 from numba import TypingError
 
 from lvnav_trade.kernels.jit import jit
-from lvnav_trade.kernels.lanes import WIDTH, bits, from_bits, like, magnitude, sqrt, to_float, view, where, word_like
+from lvnav_trade.kernels.lanes import (
+    WIDTH,
+    bits,
+    from_bits,
+    magnitude,
+    number_like,
+    sqrt,
+    to_float,
+    view,
+    where,
+    word_like,
+)
 
 N = 50
 
@@ -29,7 +40,7 @@ def arithmetic(out, a, b):
         x, y = a[i], b[i]
         out[0, i], out[1, i], out[2, i], out[3, i] = x + y, x - y, x * y, x / y
         out[4, i], out[5, i], out[6, i] = -x, magnitude(x), sqrt(magnitude(y))
-        total = like(x, 0.0)
+        total = number_like(x, 0.0)
         total += x
         total -= y
         total *= x
@@ -179,7 +190,7 @@ def test_words_wrap_shift_and_change_into_floats_as_numpy_words_do(kernel, lanes
 
 @jit
 def total_of_plane(plane):
-    total = like(plane[0, 0], 0.0)
+    total = number_like(plane[0, 0], 0.0)
     for i in range(plane.shape[0]):
         row = plane[i]
         for j in range(plane.shape[1]):

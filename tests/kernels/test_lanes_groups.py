@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from lvnav_trade.kernels.jit import jit
-from lvnav_trade.kernels.lanes import GROUP, LINE, group, grouped_zeros, total_of, whole
+from lvnav_trade.kernels.lanes import GROUP, LINE, group, group_view, grouped_zeros, lane_total
 from lvnav_trade.kernels.vector import WIDTH
 
 
@@ -15,12 +15,12 @@ def doubled(array, total):
     for g in range(array.shape[0]):
         row = group(array, g)
         row[0] = row[0] + row[0]
-        total[0] += total_of(array[g])
+        total[0] += lane_total(array[g])
 
 
 @jit
 def scaled(array, factor):
-    lanes = whole(array)
+    lanes = group_view(array)
     lanes[0] = factor * lanes[0]
 
 
@@ -45,7 +45,7 @@ def test_all_lanes_of_a_group_are_stepped_at_once_and_summed():
 
 def test_interpreted_a_group_is_one_source():
     sources, one = np.zeros((3, 4, 1)), np.array([[2.5]])
-    whole(sources[2])[3] = 2.5
+    group_view(sources[2])[3] = 2.5
     assert sources[2, 3, 0] == 2.5
     assert np.count_nonzero(sources) == 1
-    assert total_of.py_func(one) == 2.5
+    assert lane_total.py_func(one) == 2.5

@@ -12,11 +12,11 @@ from lvnav_trade.kernels.earth import ECCENTRICITY_2, OMEGA, SEMI_MAJOR
 from lvnav_trade.kernels.local_level import (
     ENU,
     NED,
-    axes_of,
     earth_rate,
     from_local,
-    moving,
-    position_of,
+    local_axes,
+    place_position,
+    place_rate,
     to_local,
     transport_rate,
 )
@@ -34,10 +34,10 @@ def place(latitude, longitude, height):
 @pytest.mark.parametrize("at", PLACES)
 def test_a_place_is_latitude_longitude_and_height(at):
     p = place(*at)
-    np.testing.assert_allclose(position_of(*p), ecef_from_geodetic(*at), rtol=0, atol=1e-8)
+    np.testing.assert_allclose(place_position(*p), ecef_from_geodetic(*at), rtol=0, atol=1e-8)
     C = rotation_e_n(at[0], at[1])
-    np.testing.assert_allclose(np.reshape(axes_of(NED, *p), (3, 3)), C, atol=1e-13)
-    np.testing.assert_allclose(np.reshape(axes_of(ENU, *p), (3, 3)), SWAP @ C, atol=1e-13)
+    np.testing.assert_allclose(np.reshape(local_axes(NED, *p), (3, 3)), C, atol=1e-13)
+    np.testing.assert_allclose(np.reshape(local_axes(ENU, *p), (3, 3)), SWAP @ C, atol=1e-13)
 
 
 @pytest.mark.parametrize("code", [NED, ENU])
@@ -79,7 +79,7 @@ def test_the_transport_rate_is_the_published_one(at):
 @pytest.mark.parametrize("at", PLACES)
 def test_a_place_moves_as_its_position_does(at):
     p, v, step = place(*at), np.array([3000.0, 5000.0, -800.0]), 1e-3
-    rate = np.array(moving(*p, NED, *v))
-    ahead, behind = (np.array(position_of(*(p + sign * step * rate))) for sign in (1.0, -1.0))
-    C = np.reshape(axes_of(NED, *p), (3, 3))
+    rate = np.array(place_rate(*p, NED, *v))
+    ahead, behind = (np.array(place_position(*(p + sign * step * rate))) for sign in (1.0, -1.0))
+    C = np.reshape(local_axes(NED, *p), (3, 3))
     np.testing.assert_allclose(C @ (ahead - behind) / (2.0 * step), v, atol=1e-3)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lvnav_trade.filter.strapdown_algorithm import StrapdownCard, strapdown_of
+from lvnav_trade.filter.strapdown_algorithm import StrapdownCard, build_strapdown
 from lvnav_trade.kernels.mechanisation import mechanise
 from lvnav_trade.kernels.strapdown import N_SUM, SUM_C, SUM_F, SUM_TH, SUM_V
 
@@ -22,7 +22,7 @@ def increments(n: int) -> np.ndarray:
 
 @pytest.mark.parametrize(("frame", "algorithm", "ratio"), FORMS)
 def test_a_window_cut_in_two_is_the_same_flight(frame: str, algorithm: str, ratio: int) -> None:
-    how, taken = strapdown_of(StrapdownCard(algorithm=algorithm, ratio=ratio), "j4", frame, 0.3), increments(40)
+    how, taken = build_strapdown(StrapdownCard(algorithm=algorithm, ratio=ratio), "j4", frame, 0.3), increments(40)
     whole, parts = START.copy(), START.copy()
     of_whole, first, second = np.zeros((3, N_SUM))
     before = np.zeros(6)
@@ -39,9 +39,9 @@ def test_a_window_cut_in_two_is_the_same_flight(frame: str, algorithm: str, rati
 @pytest.mark.parametrize(("frame", "algorithm", "ratio"), FORMS)
 def test_the_sums_are_those_of_the_inertial_frame(frame: str, algorithm: str, ratio: int) -> None:
     found, plain, taken = np.zeros(N_SUM), np.zeros(N_SUM), increments(40)
-    how = strapdown_of(StrapdownCard(algorithm=algorithm, ratio=ratio), "j4", frame, 0.3)
+    how = build_strapdown(StrapdownCard(algorithm=algorithm, ratio=ratio), "j4", frame, 0.3)
     mechanise(START.copy(), found, np.zeros(6), taken, 40 // ratio, ratio * STEP, how, 5.0)
-    mechanise(START.copy(), plain, np.zeros(6), taken, 40, STEP, strapdown_of(StrapdownCard(), "j4"), 5.0)
+    mechanise(START.copy(), plain, np.zeros(6), taken, 40, STEP, build_strapdown(StrapdownCard(), "j4"), 5.0)
     np.testing.assert_allclose(found[SUM_TH:], plain[SUM_TH:], rtol=1e-13)
     assert (SUM_TH, SUM_F) == (12, 15)
     np.testing.assert_allclose(found[SUM_C : SUM_C + 9], plain[SUM_C : SUM_C + 9], atol=2e-5)

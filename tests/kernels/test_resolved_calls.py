@@ -11,7 +11,7 @@ from numba import types
 from numba.core.registry import cpu_target
 from numba.extending import overload
 
-from lvnav_trade.kernels.jit import jit, making_arrays
+from lvnav_trade.kernels.jit import array_jit, jit
 
 
 @jit
@@ -54,7 +54,7 @@ def test_what_numba_learns_later_counts() -> None:
 
 
 def test_an_answer_for_kernels_that_make_arrays_is_none_for_others() -> None:
-    @making_arrays
+    @array_jit
     def counted(n):
         return np.full(n, 2.0).size
 

@@ -28,7 +28,7 @@ ENTRIES, STATES = np.array([0]), np.array([POS])
 SOURCES = ("bias", "scale factor", "velocity random walk", "fix bias", "fix noise", "start")
 BIASED, SCALED, WALKED, FIXED, NOISY, STARTED = range(len(SOURCES))
 # As much of the engine's records as the shared error of a fix needs.
-Fixes = namedtuple("Fixes", "shared partial n_receiver shift")
+Fixes = namedtuple("Fixes", "correlated_errors partial n_receiver shift")
 Shares = namedtuple("Shares", "member partial extra")
 X = np.array([VEL, POS, BIAS])  # the states of the one axis that counts
 
@@ -80,8 +80,8 @@ def linear(gain, mismatch=True):
     joint, scratch, true, model = small(
         P, variance, factor=factors, noise=noise, decay=decay, white=white, blocks=BLOCKS, rows=ROWS,
         columns=COLUMNS, seconds=DT, states=np.array([BIAS]),
-        state_from=(np.arange(n_source + 1) > BIASED).astype(np.int64), first_shared=FIXED,
-        shared_family=np.array([-1]),
+        state_from=(np.arange(n_source + 1) > BIASED).astype(np.int64), first_correlated=FIXED,
+        modelling_block=np.array([-1]),
     )  # fmt: skip
     of_lanes(joint.cross, BIASED)[0, BIAS] = SIGMA_BIAS**2
     signals = Fixes(

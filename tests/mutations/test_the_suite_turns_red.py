@@ -26,19 +26,19 @@ class Mutation(NamedTuple):
 OBSERVABLE = "tests/sensors/test_contract.py::test_a_row_is_the_derivative_of_the_predicted_measurement"
 MUTATIONS = {
     "lever arm of a range with the wrong sign": Mutation(
-        "sensors/ranges.py", "cross(ux, uy, uz, at[6], at[7], at[8])",
-        "cross(at[6], at[7], at[8], ux, uy, uz)",
+        "sensors/ranges.py", "cross(ux, uy, uz, antenna_state[6], antenna_state[7], antenna_state[8])",
+        "cross(antenna_state[6], antenna_state[7], antenna_state[8], ux, uy, uz)",
         OBSERVABLE,
     ),
     "lever arm's rate of a range rate with the wrong sign": Mutation(
-        "sensors/ranges.py", "cross(ux, uy, uz, at[9], at[10], at[11])",
-        "cross(at[9], at[10], at[11], ux, uy, uz)",
+        "sensors/ranges.py", "cross(ux, uy, uz, antenna_state[9], antenna_state[10], antenna_state[11])",
+        "cross(antenna_state[9], antenna_state[10], antenna_state[11], ux, uy, uz)",
         OBSERVABLE,
     ),
     "lever arm of a position with the wrong sign": Mutation(
         "sensors/receiver_solution.py",
-        "h[H_ATT + second] = at[arm + third]",
-        "h[H_ATT + second] = -at[arm + third]",
+        "h[H_ATT + second] = antenna_state[arm + third]",
+        "h[H_ATT + second] = -antenna_state[arm + third]",
         OBSERVABLE,
     ),
     "assumed variance four times too large, seen in the numbers": Mutation(
@@ -53,8 +53,8 @@ MUTATIONS = {
     ),
     "weight of a row its variance instead of the inverse": Mutation(
         "kernels/covariance.py",
-        "weight = where(accepted, inverse, 0.0)\n    step",
-        "weight = where(accepted, s, 0.0)\n    step",
+        "weight = where(is_accepted, inverse, 0.0)\n    step",
+        "weight = where(is_accepted, s, 0.0)\n    step",
         "tests/kernels/test_covariance.py::test_a_row_is_the_update_of_kalman",
     ),
     "residual that forgets what earlier rows have moved": Mutation(
@@ -71,7 +71,7 @@ MUTATIONS = {
         "tests/imu/test_error_model.py::test_bias_instability_is_a_stationary_gauss_markov_process",
     ),
     "noise of the filter's Gauss-Markov state scaled wrongly": Mutation(
-        "filter/model.py", "2.0 * square_of(sigma) * np.tanh", "square_of(sigma) * np.tanh",
+        "filter/model.py", "2.0 * axis_squares(sigma) * np.tanh", "axis_squares(sigma) * np.tanh",
         "tests/filter/test_model.py::test_a_gauss_markov_state_keeps_its_sigma_whatever_the_window",
     ),
     "measurement tagged half a tick early": Mutation(

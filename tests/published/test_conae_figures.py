@@ -10,7 +10,7 @@ from lvnav_trade.campaign.definition.axes import cases
 from lvnav_trade.campaign.reading.load import load
 from lvnav_trade.campaign.syntax.card_lookup import campaign_file
 from lvnav_trade.quantities.errors import InputError
-from lvnav_trade.report.figures.raster import drawn
+from lvnav_trade.report.figures.raster import matplotlib_figure
 from tests.building import LOOSE, flying, hop
 from tests.scripts import module
 
@@ -53,7 +53,7 @@ def test_antennas_are_heard_within_their_cutoff_and_look_where_they_are_told():
 def test_a_clock_is_drawn_as_values_with_the_truth_among_the_solutions():
     t = np.arange(5.0)
     table = pd.DataFrame({"t_s": t, "bias_m": t, "drift_m_per_s": t, "bias_m a": t + 1.0, "drift_m_per_s a": t - 1.0})
-    bias, drift = drawn(figures.clocks(table)).axes
+    bias, drift = matplotlib_figure(figures.clocks(table)).axes
     assert [line.get_label() for line in bias.lines[:2]] == ["a", "true"]
     np.testing.assert_array_equal(bias.lines[0].get_ydata(), t + 1.0)
     np.testing.assert_array_equal(drift.lines[1].get_ydata(), t)
@@ -62,7 +62,7 @@ def test_a_clock_is_drawn_as_values_with_the_truth_among_the_solutions():
 def test_antennas_are_drawn_by_angle_and_not_where_nothing_is_heard():
     angle = np.arange(361.0)
     heard = np.where(angle <= 100.0, 5.0 - angle / 50.0, -np.inf)
-    first, all_round = drawn(
+    first, all_round = matplotlib_figure(
         figures.antennas(pd.DataFrame({"angle_deg": angle, "off_boresight": heard, "right": heard}))
     ).axes
     assert np.nanmax(first.lines[0].get_ydata()) == 5.0

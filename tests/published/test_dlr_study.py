@@ -80,12 +80,12 @@ def test_every_statement_is_tested_with_its_bounds_or_named_as_not_set_up() -> N
     assert {one.campaign.name for one in questions} == {path.stem for path in FOLDER.glob("*.yaml")} - {"study"}
     stated: dict[int, set[tuple[float | None, float | None]]] = {}
     for one in questions:
-        for statement in STUDY.of(one.campaign.name).statements:
+        for statement in STUDY.campaign_claims(one.campaign.name).statements:
             assert statement.id.startswith(f"dlr-{number(statement.item):02d}")
             stated.setdefault(number(statement.item), set()).add((statement.at_least, statement.at_most))
-    for one in STUDY.of_study.elsewhere:
+    for one in STUDY.study_statements.elsewhere:
         stated.setdefault(number(one.item), set()).add((one.at_least, one.at_most))
-    assert not STUDY.of_study.not_set_up
+    assert not STUDY.study_statements.not_set_up
     assert set(stated) == set(range(1, 57))
     assert {key: bounds for key, bounds in stated.items() if not bounds <= BOUNDS[key]} == {}
 
@@ -94,10 +94,12 @@ def test_every_statement_is_tested_with_its_bounds_or_named_as_not_set_up() -> N
 def test_the_first_and_the_last_case_of_a_campaign_have_a_covariance(name: str) -> None:
     every = cases(load(FOLDER / f"{name}.yaml"))
     for case in (every[0], every[-1]):
-        prepared = prepare(case.scenario, 10.0)
-        found = covariance(prepared)
+        prepared_case = prepare(case.scenario, 10.0)
+        found = covariance(prepared_case)
         errors = [
-            k for k, output in enumerate(prepared.outputs) if output.quantity in ("attitude", "velocity", "position")
+            k
+            for k, output in enumerate(prepared_case.outputs)
+            if output.quantity in ("attitude", "velocity", "position")
         ]
         assert len(errors) == 9
         assert np.all(found.true_sigma[1:, errors] > 0.0)

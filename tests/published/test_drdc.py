@@ -10,7 +10,7 @@ import pytest
 
 from lvnav_trade.campaign.reading.load import load
 from lvnav_trade.campaign.reading.study_card import load_study
-from lvnav_trade.campaign.running.conduct import Conduct
+from lvnav_trade.campaign.running.conduct import RunOptions
 from lvnav_trade.campaign.running.execute import run
 from lvnav_trade.campaign.syntax.card_lookup import campaign_file
 from lvnav_trade.report import build
@@ -37,7 +37,7 @@ def flown(name, tmp_path, *settings):
     """Results of a campaign of the study on the short flight, in this process."""
     campaign = load(campaign_file(f"campaigns/drdc/{name}.yaml"), settings)
     with flying(flight()):
-        outcome = run(campaign, tmp_path / name, Conduct(jobs=1))
+        outcome = run(campaign, tmp_path / name, RunOptions(jobs=1))
     assert outcome.failures == ()
     return results_of(tmp_path / name)
 
@@ -46,7 +46,7 @@ def test_every_campaign_of_the_study_is_good_and_its_page_is_written():
     study, parts = load_study("drdc", None, publication("drdc").figures)
     assert len(parts) == len(study.campaigns) == 7
     assert len(study.assumptions) > 5
-    assert {part.part.campaign for part in parts if not part.campaign.references} == {
+    assert {part.study_campaign.campaign for part in parts if not part.campaign.references} == {
         "guidance",
         "envelope",
         "nozzle",
@@ -85,7 +85,7 @@ def test_twenty_launches_say_whether_errors_are_as_the_filter_assumes(tmp_path):
 def test_launches_of_a_mission_count_as_one_case(tmp_path):
     """Two launches of the real mission: their rates differ, and a row of both has the runs of both."""
     settings = ("axes.0.values=[0, 1]", "monte_carlo.runs=8", "report.sections=[references]")
-    run(load(campaign_file("campaigns/drdc/twenty_launches.yaml"), settings), tmp_path / "r", Conduct(jobs=1))
+    run(load(campaign_file("campaigns/drdc/twenty_launches.yaml"), settings), tmp_path / "r", RunOptions(jobs=1))
     tables = results_of(tmp_path / "r")
     frame = publication("drdc").table(tables).set_index("item")
     row = frame.loc["table 2 by Monte Carlo, rate roll, boost"]
@@ -153,6 +153,6 @@ def test_a_narrower_envelope_moves_the_nozzle_less_where_the_air_is_thin(tmp_pat
 @pytest.mark.slow
 def test_the_page_of_the_study_states_table_2_within_three_points(tmp_path):
     campaign = load(campaign_file("campaigns/drdc/rates_and_accelerations.yaml"), ["monte_carlo.runs=8"])
-    run(campaign, tmp_path / "r", Conduct(jobs=1))
+    run(campaign, tmp_path / "r", RunOptions(jobs=1))
     frame = publication("drdc").table(results_of(tmp_path / "r"))
     assert frame[frame["item"].str.startswith("table 2")].in_band.all()

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from lvnav_trade.quantities.shared_cards import EnvelopeCard
-from lvnav_trade.report.figures.raster import drawn, written
+from lvnav_trade.report.figures.raster import figure_bytes, matplotlib_figure
 from tests.scripts import module
 from tests.vehicle_tables import DURING, LESS, RAW, SIGMA, tables
 
@@ -20,25 +20,28 @@ ARGUMENTS = {"ignition": (CASE,), "worth": (), "interpretations": (), "apart": (
 @pytest.mark.parametrize("name", ARGUMENTS)
 def test_axes_are_labelled_and_the_figure_can_be_saved(name):
     made = getattr(figures, name)(tables(), *ARGUMENTS[name])
-    for axes in drawn(made).axes:
+    for axes in matplotlib_figure(made).axes:
         assert axes.get_xlabel() or not axes.get_subplotspec().is_last_row()
-    assert len(written(made, "png")) > 5000
+    assert len(figure_bytes(made, "png")) > 5000
 
 
 def test_readings_stand_beside_what_is_stated():
-    axes = drawn(figures.interpretations(tables())).axes[0]
+    axes = matplotlib_figure(figures.interpretations(tables())).axes[0]
     assert [line.get_ydata()[0] for line in axes.get_lines()] == [88.0, 57.0]
     assert axes.containers[0][0].get_height() == pytest.approx(100.0 * (1.0 - SIGMA / RAW))
 
 
 def test_cases_apart_are_drawn_in_percent_of_the_second():
-    lines = {line.get_label(): line.get_ydata() for line in drawn(figures.apart(tables(), PAIR)).axes[0].get_lines()}
+    lines = {
+        line.get_label(): line.get_ydata()
+        for line in matplotlib_figure(figures.apart(tables(), PAIR)).axes[0].get_lines()
+    }
     np.testing.assert_allclose(lines["position, 3D"], 50.0)  # half of the other case's
     np.testing.assert_allclose(lines["attitude, 3D"], 0.0)
 
 
 def test_cases_apart_may_show_an_axis_of_a_quantity():
-    axes = drawn(figures.apart(tables(), PAIR, {"attitude": "roll"})).axes[0]
+    axes = matplotlib_figure(figures.apart(tables(), PAIR, {"attitude": "roll"})).axes[0]
     lines = {line.get_label(): line.get_ydata() for line in axes.get_lines()}
     assert "attitude, 3D" not in lines
     np.testing.assert_allclose(lines["attitude, roll"], 75.0)
@@ -46,14 +49,14 @@ def test_cases_apart_may_show_an_axis_of_a_quantity():
 
 
 def test_what_feeds_the_controller_is_drawn_case_by_case():
-    axes = drawn(figures.worth(tables(), [{"rate_gain": "2"}])).axes[0]
+    axes = matplotlib_figure(figures.worth(tables(), [{"rate_gain": "2"}])).axes[0]
     raw, filtered, true = (bars[0].get_height() for bars in axes.containers)
     assert filtered == pytest.approx((1.0 - LESS) * raw)
     assert true == pytest.approx(0.1 * raw)
 
 
 def test_what_is_written_on_the_bars_has_room_in_both_panels():
-    above = drawn(figures.worth(tables())).axes[:2]
+    above = matplotlib_figure(figures.worth(tables())).axes[:2]
     highest = max(text.get_position()[1] for axes in above for text in axes.texts)
     assert above[0].get_ylim() == above[1].get_ylim()
     assert above[0].get_ylim()[1] == pytest.approx(1.15 * highest)
@@ -118,6 +121,6 @@ def test_phases_are_those_between_the_events_of_the_flight():
 
 
 def test_phases_are_drawn_row_by_row():
-    axes = drawn(figures.phases(of_three_motors(), CASE)).axes[0]
+    axes = matplotlib_figure(figures.phases(of_three_motors(), CASE)).axes[0]
     assert [text.get_text() for text in axes.get_yticklabels()] == ["motors", "atmosphere", "filter"]
-    assert len(written(figures.phases(of_three_motors(), CASE), "png")) > 5000
+    assert len(figure_bytes(figures.phases(of_three_motors(), CASE), "png")) > 5000

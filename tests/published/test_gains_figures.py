@@ -11,7 +11,7 @@ import pytest
 from lvnav_trade.campaign.reading.load import load
 from lvnav_trade.campaign.syntax.card_lookup import campaign_file
 from lvnav_trade.quantities.errors import InputError
-from lvnav_trade.report.figures.raster import drawn
+from lvnav_trade.report.figures.raster import matplotlib_figure
 from lvnav_trade.results.tables.read import load as results_of
 from lvnav_trade.simulation.montecarlo import run_block
 from tests import synthetic
@@ -57,7 +57,7 @@ def test_a_case_that_is_not_there_is_reported():
 
 
 def test_a_panel_for_every_metric_with_its_unit_and_a_line_for_every_mission(tables):
-    figure = drawn(figures.missions(tables, FLOWN))
+    figure = matplotlib_figure(figures.missions(tables, FLOWN))
     assert [ax.get_xlabel() for ax in figure.axes] == ["|velocity error 3d| (m/s)", "|position error 3d| (m)"]
     lines = {line.get_label(): line.get_xdata()[0] for line in figure.axes[0].lines}
     assert (lines["C20"], lines["C19"]) == (0.2, 0.4)
@@ -73,7 +73,7 @@ def test_every_axis_has_its_error_and_its_estimate_and_what_is_left_with_units()
     names = [f"{kind}_{axis}" for kind in ("velocity", "position") for axis in ("radial", "along", "cross")]
     table = {f"{name}_{what}": np.linspace(0.0, k, 20) for k, name in enumerate(names)
              for what in ("true", "estimated", "left")}  # fmt: skip
-    figure = drawn(figures.single(pd.DataFrame({"t_s": np.arange(20.0), **table})))
+    figure = matplotlib_figure(figures.single(pd.DataFrame({"t_s": np.arange(20.0), **table})))
     assert [ax.get_title() for ax in figure.axes[:3]] == ["position, radial", "position, along", "position, cross"]
     assert [ax.get_ylabel() for ax in figure.axes[::3]] == ["m", "left (m)", "m/s", "left (m/s)"]
     assert [len(ax.lines) for ax in figure.axes[:6]] == [2, 2, 2, 2, 2, 2]
@@ -100,7 +100,9 @@ def test_missions_stand_in_rows_and_ours_below_them(tables):
 
 def test_process_noise_is_reported_in_the_units_of_people():
     noise = SimpleNamespace(attitude=2.9088820866572158e-06, velocity=0.001, position=0.0)
-    found = SimpleNamespace(whole=noise, phases=(("liftoff to stage1_cutoff", 0.0, 1.0, noise),), steps=STEPS)
+    found = SimpleNamespace(
+        flight_densities=noise, phases=(("liftoff to stage1_cutoff", 0.0, 1.0, noise),), steps=STEPS
+    )
     table, picture = figures.noise_blocks("validation", found, 10.0)
     assert table.rows[0][:2] == ("whole flight", "0.0100")  # deg/sqrt(h)
     assert table.rows[1][0] == "liftoff to stage1 cutoff"

@@ -210,7 +210,7 @@ def test_the_stored_process_noise_is_what_an_ensemble_asks_for(tmp_path: Path) -
 def test_the_transition_propagates_what_the_filter_models_as_the_complete_inertial_system_does(tmp_path: Path) -> None:
     """Of the study's rows: what the transition misses from an event to the next, as a part of the error itself."""
     found = api.estimate_q(FOLDER / "model_validation.yaml", tmp_path / "q.yaml", (), runs=16, step=1100.0).noise
-    stated = {one.item.split(":")[0]: one.value for one in STUDY.of_study.elsewhere}
+    stated = {one.item.split(":")[0]: one.value for one in STUDY.study_statements.elsewhere}
     assert set(stated) == {"attitude propagated", "velocity propagated", "position propagated"}
     for name, unit in (("attitude", "rad"), ("velocity", "m_per_s"), ("position", "m")):
         part = found.steps[f"{name}_missed_{unit}"] / found.steps[f"{name}_error_{unit}"]

@@ -84,14 +84,14 @@ def test_what_is_left_is_below_a_tenth_of_every_shipped_unit(refdata, root, reco
     own = settings(refdata / FILE, moving_reference=MOVING)
     for name in ("navigation", "tactical_fog", "tactical_mems"):
         refuse_contradiction(own, imu(root, name))
-    worst = max((one for one in residuals(own) if one.what == "position"), key=lambda one: one.size)
+    worst = max((one for one in residuals(own) if one.quantity == "position"), key=lambda one: one.size)
     assert worst.size < 1e-3
     record_property("check-case 17: worst position residual", f"{worst.size * 1e3:.2f} mm at {worst.time:.1f} s")
 
 
 def test_the_load_of_its_second_burn_is_beyond_the_usual_and_said(flight, refdata):
     (remark,) = flight.remarks
-    assert remark.kind == BEYOND
+    assert remark.category == BEYOND
     assert re.match(r"specific force of 26\.[89]\d* g at 195\.\d+ s \(usually at most 25 g\)", remark.text)
     with pytest.raises(InputError, match=r"specific force of 26\.[89].* at most 25 g is usual: .* raise highest_load"):
         build(settings(refdata / FILE, moving_reference=MOVING, highest_load="25 g"))
@@ -111,7 +111,7 @@ def test_position_alone_shows_the_same_jump(refdata):
     facts = build(own).facts
     assert changes(facts) == {"stage2_ignition": pytest.approx(4.62, abs=0.03)}
     assert facts["position_misfit_worst_m"] < 1e-6
-    assert residuals(own) == tuple(one for one in residuals(own) if one.what == "attitude")
+    assert residuals(own) == tuple(one for one in residuals(own) if one.quantity == "attitude")
 
 
 def test_the_flight_ends_where_the_file_does_less_what_was_removed(refdata, flight):

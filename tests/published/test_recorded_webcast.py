@@ -40,7 +40,7 @@ def test_the_raw_record_flies_with_its_holes_filled_and_its_gap_behind_injection
     ):
         rebuild(written(tmp_path, raw))  # thrust ends before 558 s, the time given to a second
     flight = rebuild(written(tmp_path, raw, events={**STAGES, "stage2_cutoff": "557 s", "injection": "557 s"}))
-    (note,) = (one.text for one in flight.remarks if one.kind == NOTE)
+    (note,) = (one.text for one in flight.remarks if one.category == NOTE)
     assert "holes without data, the longest from " in note
     t = np.linspace(20.0, 555.0, 400)
     fine, coarse = (motion(one, t) for one in (flight, recorded()))

@@ -5,9 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from lvnav_trade.gnss.broadcast import broadcast
+from lvnav_trade.gnss.broadcast import broadcast_ephemerides
 from lvnav_trade.gnss.rinex import read_navigation
-from lvnav_trade.gnss.satellites import nearest
+from lvnav_trade.gnss.satellites import nearest_records
 from lvnav_trade.kernels.clock import SPEED_OF_LIGHT
 from lvnav_trade.kernels.earth import OMEGA
 from lvnav_trade.quantities.frames import geodetic_from_ecef, rotation_e_n
@@ -43,11 +43,14 @@ def saastamoinen(latitude, height, elevation):
 
 def position(time, ranges, navigation):
     """Return the position (m, Earth-fixed) by least squares from the ranges of one epoch, weights sin^2(elevation)."""
-    near = nearest(navigation.ephemerides, time)
+    near = nearest_records(navigation.ephemerides, time)
     names = [
         name for name in ranges if name in near and near[name].health == 0.0 and abs(near[name].toe - time) <= 7200.0
     ]
-    above, measured = broadcast([near[name] for name in names], time), np.array([ranges[name] for name in names])
+    above, measured = (
+        broadcast_ephemerides([near[name] for name in names], time),
+        np.array([ranges[name] for name in names]),
+    )
     sent = -measured / SPEED_OF_LIGHT  # s since `time`, by the satellites' clocks
     ahead = above.clock(sent) + above.relativity(sent) - above.elements["group_delay"]
     sent = sent - ahead

@@ -16,8 +16,15 @@ from lvnav_trade.gnss.fault_cards import (
     RangeBias,
     SatelliteOutage,
 )
-from lvnav_trade.gnss.faults import failures, lost, periods
-from lvnav_trade.quantities.conditions import Conditions, FlightProfile, SightConditions, both, inside, never
+from lvnav_trade.gnss.faults import failures, periods, satellite_outages
+from lvnav_trade.quantities.conditions import (
+    Conditions,
+    FlightProfile,
+    SightConditions,
+    intersection,
+    is_inside,
+    never_active_mistake,
+)
 from lvnav_trade.quantities.errors import InputError
 from lvnav_trade.quantities.frames import earth_angle, ecef_from_eci, geodetic_from_ecef
 from lvnav_trade.simulation.preparation.imu import profiles_of
@@ -58,12 +65,12 @@ def conditions(**stated):
     ],
 )
 def test_conditions_hold_when_the_closed_form_says_and_all_at_once(stated, expected):
-    found = STONE.holding(conditions(**stated))
+    found = STONE.active_intervals(conditions(**stated))
     np.testing.assert_allclose(found, expected, rtol=0, atol=1e-6)
 
 
 def test_below_and_above_a_level_share_the_flight_without_overlap_or_gap():
-    low, high = (inside(STONE.holding(conditions(**{name: "13.3 km"})), T) for name in ("below", "above"))
+    low, high = (is_inside(STONE.active_intervals(conditions(**{name: "13.3 km"})), T) for name in ("below", "above"))
     np.testing.assert_array_equal(low, ~high)
     assert high.any()
     assert low.any()
@@ -71,8 +78,8 @@ def test_below_and_above_a_level_share_the_flight_without_overlap_or_gap():
 
 def test_a_real_flight_crosses_the_level_at_the_edge():
     flight = hop()
-    level = float(np.mean(flight.course.values[0][[0, -1]]))
-    ((edge, end),) = flight.course.holding(conditions(below=f"{level!r} m"))
+    level = float(np.mean(flight.flight_profile.values[0][[0, -1]]))
+    ((edge, end),) = flight.flight_profile.active_intervals(conditions(below=f"{level!r} m"))
     at = motion(flight, [edge])
     height = geodetic_from_ecef(ecef_from_eci(at.r_i, earth_angle(flight.theta0, edge)))[2][0]
     assert height == pytest.approx(level, abs=1e-4)  # m
@@ -80,10 +87,10 @@ def test_a_real_flight_crosses_the_level_at_the_edge():
 
 
 def test_intervals_are_cut_and_rounding_is_forgiven():
-    assert both(((0.0, 3.0), (5.0, 9.0)), ((2.0, 6.0), (8.0, 20.0))) == ((2.0, 3.0), (5.0, 6.0), (8.0, 9.0))
-    assert both(((0.0, 3.0),), ((3.0, 6.0),)) == ()
+    assert intersection(((0.0, 3.0), (5.0, 9.0)), ((2.0, 6.0), (8.0, 20.0))) == ((2.0, 3.0), (5.0, 6.0), (8.0, 9.0))
+    assert intersection(((0.0, 3.0),), ((3.0, 6.0),)) == ()
     t = np.array([1.0, 1.0 - 1e-9, 3.0 - 1e-9, 3.0, 2.0])
-    assert inside(((1.0, 3.0),), t).tolist() == [True, True, False, False, True]
+    assert is_inside(((1.0, 3.0),), t).tolist() == [True, True, False, False, True]
 
 
 @pytest.mark.parametrize(
@@ -105,9 +112,9 @@ def test_conditions_that_cannot_hold_are_refused(stated, reported):
 
 def test_elevations_are_between_the_nadir_and_the_zenith():
     card = SightConditions(elevation_above="5 deg", elevation_below="80 deg")
-    assert card.sights(np.radians([-3.0, 5.1, 79.0, 81.0])).tolist() == [False, True, True, False]
-    assert card.by_elevation == ("elevation_above", "elevation_below") == card.stated
-    assert SightConditions().sights(np.radians([-90.0, 90.0])).all()
+    assert card.meets_elevation(np.radians([-3.0, 5.1, 79.0, 81.0])).tolist() == [False, True, True, False]
+    assert card.elevation_keys == ("elevation_above", "elevation_below") == card.condition_keys
+    assert SightConditions().meets_elevation(np.radians([-90.0, 90.0])).all()
     with pytest.raises(ValidationError, match="between -90 deg and 90 deg"):
         SightConditions(elevation_above="91 deg")
     with pytest.raises(ValidationError, match="elevation_above: should be less"):
@@ -127,16 +134,16 @@ def test_elevations_are_between_the_nadir_and_the_zenith():
     ],
 )
 def test_conditions_that_hold_at_no_time_of_the_flight_are_named(stated, field, reported):
-    found = never(conditions(**stated), STONE)
+    found = never_active_mistake(conditions(**stated), STONE)
     assert found.path == field
     with pytest.raises(ValueError, match=reported):
         raise ValueError(found.message)
 
 
 def test_conditions_that_hold_are_no_mistake_and_an_unknown_event_is_one():
-    assert never(conditions(above="19 km", speed_below="100 m/s"), STONE) is None
+    assert never_active_mistake(conditions(above="19 km", speed_below="100 m/s"), STONE) is None
     with pytest.raises(InputError, match="no event 'cutof'") as caught:
-        never(conditions(until="cutof"), STONE)
+        never_active_mistake(conditions(until="cutof"), STONE)
     assert caught.value.records[0].path == "until"
 
 
@@ -177,11 +184,11 @@ def test_a_clock_jumps_once_when_its_conditions_begin_to_hold():
 def test_an_outage_by_altitude_takes_its_epochs_and_by_elevation_its_satellites():
     elevation = np.stack([np.radians(5.0) + 0.0 * T, np.radians(40.0) + 0.0 * T], axis=1)
     seen = np.ones((T.size, 2), dtype=bool)
-    gone = lost([SatelliteOutage(below="18 km", elevation_below="10 deg")], STONE, T, elevation, seen)
+    gone = satellite_outages([SatelliteOutage(below="18 km", elevation_below="10 deg")], STONE, T, elevation, seen)
     np.testing.assert_array_equal(gone[:, 0], thrown(T)[0] < 18e3)
     assert not gone[:, 1].any()
     with pytest.raises(InputError, match=r"faults\.0\.elevation_above: holds for no satellite"):
-        lost([SatelliteOutage(above="1 km", elevation_above="50 deg")], STONE, T, elevation, seen)
+        satellite_outages([SatelliteOutage(above="1 km", elevation_above="50 deg")], STONE, T, elevation, seen)
 
 
 def test_low_satellites_are_noisy_and_drift_from_when_the_condition_begins():

@@ -12,9 +12,9 @@ from lvnav_trade.quantities.errors import (
     Mistake,
     credentials,
     is_full_disk,
-    printable,
+    printable_text,
     quoted,
-    shortened,
+    shorten,
     system_message,
     without_credentials,
 )
@@ -81,12 +81,12 @@ def test_what_a_message_repeats_has_no_control_characters_and_a_bounded_length()
 
 
 def test_a_text_is_made_printable_letter_by_letter() -> None:
-    assert printable("9 \u00b5m\t\u2028") == "9 \u00b5m" + r"\t\u2028"
+    assert printable_text("9 \u00b5m\t\u2028") == "9 \u00b5m" + r"\t\u2028"
 
 
 def test_a_long_text_loses_its_middle() -> None:
-    assert shortened("short", 60) == "short"
-    found = shortened("a" * 100 + "z" * 100, 60)
+    assert shorten("short", 60) == "short"
+    found = shorten("a" * 100 + "z" * 100, 60)
     assert len(found) <= 60
     assert found.startswith("aaa")
     assert found.endswith("zzz")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from lvnav_trade.quantities.marks import marks_in, unmarked, without_marks
+from lvnav_trade.quantities.marks import marks_in, without_field_marks, without_marks
 
 DATA = {
     "imu": {"name": "a", "assumed": {"gyro.bias": "a guess"}, "second_hand": {}, "gyro": {"bias": "1.0 rad/s"}},
@@ -28,6 +28,6 @@ def test_settings_without_marks_keep_a_name_of_the_users_own() -> None:
 
 
 def test_a_replaced_value_takes_its_marks_along() -> None:
-    assert unmarked(DATA["imu"], ["gyro", "bias"])["assumed"] == {}
-    assert unmarked(DATA["imu"], ["gyro"])["assumed"] == {}
-    assert unmarked(DATA["imu"], ["gyro", "noise"]) == DATA["imu"]
+    assert without_field_marks(DATA["imu"], ["gyro", "bias"])["assumed"] == {}
+    assert without_field_marks(DATA["imu"], ["gyro"])["assumed"] == {}
+    assert without_field_marks(DATA["imu"], ["gyro", "noise"]) == DATA["imu"]

@@ -9,7 +9,7 @@ from pydantic import Field
 
 from lvnav_trade.campaign.definition.axes import cases
 from lvnav_trade.campaign.reading.load import load
-from lvnav_trade.quantities.reads import FieldReads, remembered, remembered_by_reads
+from lvnav_trade.quantities.reads import FieldReads, result_cache, result_cache_by_reads
 from lvnav_trade.quantities.units import Card, Length
 
 
@@ -92,7 +92,7 @@ def test_what_goes_to_another_process_is_the_card_itself():
 def test_a_result_that_was_kept_counts_as_having_read_what_it_was_made_of():
     calls = []
 
-    @remembered(2)
+    @result_cache(2)
     def larger(key: str, card: Inner, factor: float) -> float:
         calls.append(key)
         return factor * card.size
@@ -114,7 +114,7 @@ def demo() -> Any:
 def test_a_result_is_kept_for_cards_that_differ_in_what_was_not_read() -> None:
     calls = []
 
-    @remembered_by_reads(2)
+    @result_cache_by_reads(2)
     def tilt(key: str, card: Any) -> float:
         calls.append(key)
         return float(card.initial.tilt) + (card.receiver.latency if card.initial.tilt > 1.0 else 0.0)
@@ -134,7 +134,7 @@ def test_a_result_is_kept_for_cards_that_differ_in_what_was_not_read() -> None:
 
 
 def test_what_a_kept_result_was_computed_from_counts_as_read() -> None:
-    @remembered_by_reads(2)
+    @result_cache_by_reads(2)
     def tilt(key: str, card: Any) -> float:
         return float(card.initial.tilt)
 
@@ -146,7 +146,7 @@ def test_what_a_kept_result_was_computed_from_counts_as_read() -> None:
 
 
 def test_a_result_is_not_kept_where_settings_are_built_otherwise() -> None:
-    @remembered_by_reads(4)
+    @result_cache_by_reads(4)
     def count(key: str, card: Any) -> int:
         return len(card.faults) + sum(fault.start != "" for fault in card.faults)
 

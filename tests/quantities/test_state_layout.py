@@ -21,31 +21,31 @@ def test_every_parameter_that_a_card_may_name_has_a_kind():
 
 @pytest.mark.parametrize("settings", [(), (LOOSE,), (INERTIAL,), ("base.filter=filters/tight_extended",)])
 def test_there_is_one_output_with_a_name_of_its_own_for_every_state(settings):
-    prepared = case(*settings)
-    names = [(o.quantity, o.axis) for o in prepared.outputs]
-    assert len(set(names)) == len(names) == prepared.layout.n_state
+    prepared_case = case(*settings)
+    names = [(o.quantity, o.axis) for o in prepared_case.outputs]
+    assert len(set(names)) == len(names) == prepared_case.layout.n_state
     assert names[:3] == [("attitude", axis) for axis in ("roll", "pitch", "yaw")]
 
 
 @pytest.mark.parametrize("frame", AXES)
 def test_velocity_and_position_are_named_after_the_axes_of_the_frame(frame):
-    prepared = prepare_hop(with_fields(loaded(), frame=frame))
-    assert tuple(o.axis for o in prepared.outputs[3:6]) == AXES[frame]
-    assert tuple(o.axis for o in prepared.outputs[6:9]) == AXES[frame]
+    prepared_case = prepare_hop(with_fields(loaded(), frame=frame))
+    assert tuple(o.axis for o in prepared_case.outputs[3:6]) == AXES[frame]
+    assert tuple(o.axis for o in prepared_case.outputs[6:9]) == AXES[frame]
 
 
 def test_the_clock_stands_at_the_layouts_place():
-    prepared = case("base.filter=filters/tight_extended")
-    clock = prepared.layout.clock
-    assert [o.quantity for o in prepared.outputs[clock : clock + 2]] == ["clock_bias", "clock_drift"]
+    prepared_case = case("base.filter=filters/tight_extended")
+    clock = prepared_case.layout.clock
+    assert [o.quantity for o in prepared_case.outputs[clock : clock + 2]] == ["clock_bias", "clock_drift"]
 
 
 def test_considered_states_are_reported_behind_the_estimated_ones():
     scenario = loaded()
     card = with_fields(scenario.filter, consider=["accel_scale_factor"])
-    prepared = prepare_hop(scenario.model_copy(update={"filter": card}))
-    assert [o.quantity for o in prepared.outputs[-3:]] == ["accel_scale_factor"] * 3
-    assert outputs(prepared.layout, "ned") == prepared.outputs
+    prepared_case = prepare_hop(scenario.model_copy(update={"filter": card}))
+    assert [o.quantity for o in prepared_case.outputs[-3:]] == ["accel_scale_factor"] * 3
+    assert outputs(prepared_case.layout, "ned") == prepared_case.outputs
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from lvnav_trade.quantities.errors import InputError
-from lvnav_trade.quantities.times import restored
+from lvnav_trade.quantities.times import restore_time_stamps
 from lvnav_trade.trajectory.files.rows import read_rows
 from tests.trajectory.tables import card, path, write
 
@@ -21,7 +21,7 @@ SIXTIETHS = 1000.0 + np.arange(3000) / 60.0
 @pytest.mark.parametrize("meant", [TENTHS, SIXTIETHS, 0.001 * np.arange(9000)], ids=["0.1 s", "1/60 s", "1 ms"])
 def test_times_of_single_precision_are_those_of_the_grid_again(meant: np.ndarray) -> None:
     rounded = meant.astype(np.float32).astype(float)
-    found = restored(rounded, "s")
+    found = restore_time_stamps(rounded, "s")
     worst = np.max(np.abs(rounded - meant))
     assert np.max(np.abs(found.column - meant)) < 0.02 * worst
     assert found.sigma == 0.0
@@ -30,7 +30,7 @@ def test_times_of_single_precision_are_those_of_the_grid_again(meant: np.ndarray
 
 def test_so_are_those_that_a_text_file_holds_with_the_digits_of_single_precision() -> None:
     written = np.array([float(str(one)) for one in SIXTIETHS.astype(np.float32)])
-    assert np.max(np.abs(restored(written, "s").column - SIXTIETHS)) < 1e-6
+    assert np.max(np.abs(restore_time_stamps(written, "s").column - SIXTIETHS)) < 1e-6
 
 
 @pytest.mark.parametrize(
@@ -39,9 +39,9 @@ def test_so_are_those_that_a_text_file_holds_with_the_digits_of_single_precision
     ids=["0.1 s", "1/60 s", "seconds", "binary ticks", "milliseconds"],
 )
 def test_columns_with_all_digits_or_exact_ones_stay_as_they_are(column: np.ndarray) -> None:
-    found = restored(column, "s")
+    found = restore_time_stamps(column, "s")
     assert found.column is column
-    assert (found.note, found.apart) == ("", 0.0)
+    assert (found.note, found.spacing) == ("", 0.0)
 
 
 def test_a_rounding_that_no_grid_takes_back_is_said_and_makes_the_rows_noisy(tmp_path: Path) -> None:

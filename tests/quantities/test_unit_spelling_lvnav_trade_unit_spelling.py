@@ -58,7 +58,7 @@ def test_the_spellings_of_datasheets_are_one_unit(unit: str, value: float) -> No
 def test_the_part_of_a_spelling_that_is_no_unit_is_named(text: str, part: str) -> None:
     with pytest.raises(UnknownUnitError) as caught:
         product(text)
-    assert caught.value.part == part
+    assert caught.value.unknown_text == part
 
 
 def test_what_cancels_cancels_exactly() -> None:

@@ -8,8 +8,8 @@ from typing import Any
 import pandas as pd
 import pytest
 
-from lvnav_trade.report.advice import advice, missing_state, unmodelled, ways_to_comply
-from lvnav_trade.report.validity import overconfidence
+from lvnav_trade.report.advice import advice, missing_state, missing_states, ways_to_comply
+from lvnav_trade.report.validity import sigma_warnings
 from lvnav_trade.results.tables.read import Tables, load
 from tests import synthetic
 from tests.injections import with_injections
@@ -117,12 +117,12 @@ def renamed(tables: Tables, fine: str, coarse: str) -> Tables:
 def test_the_source_that_filters_do_not_model_is_the_largest_of_one_and_counted_in_all(tables):
     """In one case it has 75 % of the mean square, in the other 25 %: neither filter has its state."""
     cases = list(tables.labels)
-    assert unmodelled(tables, cases) == ("velocity error at injection", [])
-    error, found = unmodelled(renamed(tables, "gyro bias", "range noise"), cases)
+    assert missing_states(tables, cases) == ("velocity error at injection", [])
+    error, found = missing_states(renamed(tables, "gyro bias", "range noise"), cases)
     assert error == "velocity error at injection"
     assert [(one.source, one.state, round(one.share, 6)) for one in found] == [
         ("gyro scale factor", "gyro_scale_factor", 0.75), ("gyro scale factor", "gyro_scale_factor", 0.25)]  # fmt: skip
-    assert unmodelled(renamed(tables, "range noise", "range noise"), cases)[1] == []  # it dominates in neither
+    assert missing_states(renamed(tables, "range noise", "range noise"), cases)[1] == []  # it dominates in neither
 
 
 @pytest.mark.parametrize(("states", "said"), [
@@ -147,7 +147,7 @@ def test_a_warning_counts_the_filters_that_lack_a_state(tables, monkeypatch, sta
         "lvnav_trade.report.advice.scenario_of",
         lambda _, case: scenario(extra_states=states.get(labels[case], [])),
     )
-    (warning,) = overconfidence(found)
+    (warning,) = sigma_warnings(found)
     assert warning.text.startswith("2 of 2 filters are overconfident: their sigma is ")
     assert warning.text.endswith(said)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pandas as pd
 
-from lvnav_trade.report.answers import _largest_sources, _undecided, answers
+from lvnav_trade.report.answers import _largest_sources, _undecided_sentences, answers
 from lvnav_trade.results.tables.read import load
 
 
@@ -23,12 +23,14 @@ def test_each_requirement_is_answered_in_words(text):
 
 def test_the_worst_run_has_the_command_that_flies_it_again(page):
     tables = load(page.parent)
-    worst = next(block for block in answers(tables) if block.kind == "table")
+    worst = next(block for block in answers(tables) if block.block_type == "table")
     digests = {label: case for case, label in tables.labels.items()}
     for _, case, run, error, command in worst.rows:
         assert command == f"lvnav-trade replay . {digests[case]} {run}"
         assert error
-    pictures = next(block for block in answers(tables) if block.kind == "more" and "worst runs" in block.title).blocks
+    pictures = next(
+        block for block in answers(tables) if block.block_type == "more" and "worst runs" in block.title
+    ).blocks
     assert {one.name for one in pictures} == {f"worst_run-{digests[row[1]]}-{row[2]}" for row in worst.rows}
 
 
@@ -45,9 +47,11 @@ def test_a_violated_phase_names_the_largest_source_at_its_worst_event(page):
 def test_of_many_cases_the_first_are_named_and_the_others_counted():
     cases = [f"case {k}" for k in range(36)]
     rows = pd.DataFrame({"case": cases, "runs_to_decide": 5})
-    (said,) = _undecided(rows)
+    (said,) = _undecided_sentences(rows)
     assert (
         said
         == "case 0 and case 1 and case 2 and case 3 and 32 more (5 further runs each without a failure would decide)"
     )
-    assert _undecided(rows[:5]) == [f"{' and '.join(cases[:5])} (5 further runs each without a failure would decide)"]
+    assert _undecided_sentences(rows[:5]) == [
+        f"{' and '.join(cases[:5])} (5 further runs each without a failure would decide)"
+    ]

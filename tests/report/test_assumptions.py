@@ -5,12 +5,12 @@ from __future__ import annotations
 import pandas as pd
 import pytest
 
-from lvnav_trade.report.assumptions import assumptions, cases_in_words, placed_by_assumptions, ranked_by_assumptions
+from lvnav_trade.report.assumptions import assumptions, cases_in_words, orbit_warning, ranking_warning
 from lvnav_trade.report.blocks import Table, Text
 from lvnav_trade.report.build import make
 from lvnav_trade.report.summary import summary
 from lvnav_trade.results.evaluation import METRICS
-from lvnav_trade.results.evaluation.assumed_numbers import compared_by
+from lvnav_trade.results.evaluation.assumed_numbers import varied_assumptions
 from lvnav_trade.results.tables.read import load
 from tests import synthetic
 from tests.injections import with_injections
@@ -37,7 +37,7 @@ def test_every_mark_stands_once_with_the_cases_that_it_affects(tables) -> None:
 
 
 def test_the_first_screen_says_by_which_assumed_numbers_products_are_ranked(tables) -> None:
-    (warning,) = ranked_by_assumptions(tables)
+    (warning,) = ranking_warning(tables)
     assert warning.text == (
         "IMU: gyro bias repeatability (second hand in 1 of 2 cases). Errors and ranking of the cases are only as "
         "reliable as these numbers. IMU: cost (assumed in 1 of 2 cases). Only the section Cost and performance uses "
@@ -48,12 +48,12 @@ def test_the_first_screen_says_by_which_assumed_numbers_products_are_ranked(tabl
 
 
 def test_assumed_costs_are_said_to_decide_no_error(tables, monkeypatch) -> None:
-    frame = compared_by(tables)
+    frame = varied_assumptions(tables)
     assert set(frame.field) == {"resources.cost", "gyro.bias_repeatability"}
     monkeypatch.setattr(
-        "lvnav_trade.report.assumptions.compared_by", lambda _: frame[frame.field.str.startswith("resources.")]
+        "lvnav_trade.report.assumptions.varied_assumptions", lambda _: frame[frame.field.str.startswith("resources.")]
     )
-    (warning,) = ranked_by_assumptions(tables)
+    (warning,) = ranking_warning(tables)
     assert warning == Text(
         "IMU: cost (assumed in 1 of 2 cases). Only the section Cost and performance uses them. Errors and margins do "
         "not depend on them. See Assumptions.",
@@ -63,7 +63,7 @@ def test_assumed_costs_are_said_to_decide_no_error(tables, monkeypatch) -> None:
 
 def test_without_marks_there_is_neither_sentence_nor_section_nor_table(tmp_path) -> None:
     plain = load(synthetic.results(tmp_path, n_run=8))
-    assert ranked_by_assumptions(plain) == []
+    assert ranking_warning(plain) == []
     made = make(plain)
     assert "assumptions" not in [section.name for section in made.sections]
     assert "assumptions.csv" not in made.csv
@@ -80,7 +80,7 @@ def test_the_first_screen_names_the_assumed_spreads_that_are_drawn_and_no_others
     place, case = "trajectory.vehicle.dispersions", next(iter(tables.labels.values()))
     frame = pd.DataFrame({"case": case, "place": place, "field": fields, "mark": "assumed"})
     monkeypatch.setitem(METRICS, "assumptions", lambda _: frame)
-    (warning,) = placed_by_assumptions(with_injections(tables))
+    (warning,) = orbit_warning(with_injections(tables))
     assert warning.text.startswith("Thrust, dry mass. Errors of the achieved orbit are only as")
     assert warning.lead == "The achieved orbit depends on assumed dispersions of the vehicle."
-    assert placed_by_assumptions(tables) == []
+    assert orbit_warning(tables) == []

@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 
 from lvnav_trade.report import blocks
-from lvnav_trade.report.blocks import Text, number, percent, same_once, table
+from lvnav_trade.report.blocks import Text, combine_equal_cases, number, percent, table
 from lvnav_trade.results.evaluation import METRICS
 
 
@@ -30,13 +30,13 @@ def test_percent_does_not_round_a_requirement_away():
 
 def test_cases_with_the_same_rows_stand_once_in_a_table():
     frame = pd.DataFrame({"case": ["a", "a", "b", "b", "c"], "fault": ["x", "y", "x", "y", "x"], "n": [1, 2, 1, 2, 3]})
-    assert list(same_once(frame).itertuples(index=False, name=None)) == [
+    assert list(combine_equal_cases(frame).itertuples(index=False, name=None)) == [
         ("a; b", "x", 1),
         ("a; b", "y", 2),
         ("c", "x", 3),
     ]
-    assert list(same_once(frame[:4]).case) == ["all 2 cases", "all 2 cases"]
-    assert same_once(frame[2:]).equals(frame[2:])
+    assert list(combine_equal_cases(frame[:4]).case) == ["all 2 cases", "all 2 cases"]
+    assert combine_equal_cases(frame[2:]).equals(frame[2:])
 
 
 def test_columns_are_shown_as_their_entries_say():
@@ -63,7 +63,7 @@ def test_columns_are_shown_as_their_entries_say():
 @pytest.mark.parametrize(("nothing", "expected"), [("", []), ("No fault.", [Text("No fault.", is_nothing=True)])])
 def test_a_metric_without_rows_is_a_text_or_nothing(monkeypatch, nothing, expected):
     monkeypatch.setitem(METRICS, "outages", lambda tables: pd.DataFrame({"case": []}))
-    section = blocks.of("outages", nothing)(lambda tables, frame: [Text("rows")])
+    section = blocks.table_section("outages", nothing)(lambda tables, frame: [Text("rows")])
     assert section(SimpleNamespace()) == expected
 
 

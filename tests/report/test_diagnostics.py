@@ -20,8 +20,8 @@ def tables(page):
 
 
 def budget_tables(tables):
-    (rest,) = [block for block in explained.budget(tables) if block.kind == "more"]
-    return [block for block in rest.blocks if block.kind == "table"]
+    (rest,) = [block for block in explained.budget(tables) if block.block_type == "more"]
+    return [block for block in rest.blocks if block.block_type == "table"]
 
 
 def test_the_budget_table_has_every_event_and_every_quantity(tables):
@@ -45,7 +45,7 @@ def test_a_mean_error_that_counts_stands_below_the_sources_and_in_the_root_mean_
 def test_frozen_and_retuned_numbers_stand_beside_each_other(tables):
     blocks = explained.grades(tables)
     assert sum(isinstance(block, SourceScaling) for block in blocks) == 1
-    table = next(block for block in blocks if block.kind == "table")
+    table = next(block for block in blocks if block.block_type == "table")
     assert table.head[2:] == ("x 0.1", "x 0.3", "x 1", "x 3", "x 10")
     frozen, retuned = map(float, table.rows[0][6].split(" / "))
     assert retuned / frozen == pytest.approx(synthetic.RETUNED, rel=0.01)

@@ -1,7 +1,7 @@
 import pytest
 
 from lvnav_trade.report.blocks import Picture, Table
-from lvnav_trade.report.diagnostics import integrity, worth
+from lvnav_trade.report.diagnostics import fault_test_benefit, integrity
 from lvnav_trade.results.tables.read import load
 from tests import synthetic
 
@@ -29,4 +29,4 @@ def test_decisions_are_drawn_over_time(tested):
 def test_a_campaign_without_tests_has_no_such_section(page):
     good = load(page.parent)
     assert integrity(good) == []
-    assert worth(good) == []
+    assert fault_test_benefit(good) == []

@@ -91,7 +91,7 @@ def test_requirements_are_listed_with_identifier_source_and_interpretation(resul
     ("satellites_tracked", "one-sided"),
 ])  # fmt: skip
 def test_a_bound_is_said_to_be_on_a_length_or_on_a_signed_error(metric, sides):
-    assert metric_of(metric).bounded_as == sides
+    assert metric_of(metric).bound_type == sides
 
 
 def test_bounds_are_listed_in_the_unit_of_the_verdicts(results):

@@ -36,7 +36,7 @@ def test_the_page_has_orbit_correction_and_their_tables_beside_it(orbit_page):
 
 
 def test_elements_have_seven_digits(orbit_page):
-    tables = [block for block in flight.orbit(load(orbit_page.parent)) if block.kind == "table"]
+    tables = [block for block in flight.orbit(load(orbit_page.parent)) if block.block_type == "table"]
     table = next(block for block in tables if block.caption.endswith("orbit at injection."))
     row = next(row for row in table.rows if row[0] == "semi-major axis")
     assert row[1:4] == ("km", "6900", row[3])
@@ -49,7 +49,7 @@ def test_an_element_below_the_bound_is_zero_with_the_bound(tmp_path, monkeypatch
     frame = METRICS["orbit"](tables).drop_duplicates("quantity").set_index("quantity")
     assert frame.osculating["eccentricity"] == 0.0
     assert frame.osculating["semi-major axis"] > 6000.0
-    shown = next(block for block in flight.orbit(tables) if block.kind == "table")
+    shown = next(block for block in flight.orbit(tables) if block.block_type == "table")
     assert next(row for row in shown.rows if row[0] == "eccentricity")[2] == "0 (below 1e-07)"
 
 

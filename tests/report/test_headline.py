@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 
 from lvnav_trade.report.blocks import Table, Text
-from lvnav_trade.report.headline import counted, headline, not_counted, those_that_miss
+from lvnav_trade.report.headline import failed_table, headline, uncounted_tables, verdict_counts
 from lvnav_trade.results.evaluation.published import COLUMNS, marks
 from lvnav_trade.results.evaluation.verdicts import FAILS, HOLDS, UNDECIDED
 
@@ -32,7 +32,7 @@ ROWS = pd.DataFrame(
 
 def below(rows):
     """Return the tables below the counts: what is not reproduced, and what is not counted."""
-    return [*those_that_miss(rows), *not_counted(rows)]
+    return [*failed_table(rows), *uncounted_tables(rows)]
 
 
 def test_the_first_lines_count_evidence_edges_and_inputs() -> None:
@@ -96,7 +96,7 @@ def test_every_row_that_fails_and_every_input_stands_in_a_table_of_its_own() -> 
 
 def test_rows_that_runs_do_not_decide_are_counted_as_such() -> None:
     rows = pd.DataFrame([_row("a", 1.0), _row("b", 0.5, verdict=UNDECIDED)], columns=COLUMNS)
-    assert counted(rows) == {"number": (2, 1, 0, 1)}
+    assert verdict_counts(rows) == {"number": (2, 1, 0, 1)}
     text = headline(rows, ())[0]
     assert isinstance(text, Text)
     assert text.text.startswith(

@@ -114,4 +114,4 @@ def test_a_folder_that_is_not_there_cannot_be_written_to(tmp_path):
 def test_results_without_a_trajectory_are_one_line(tmp_path):
     tables = load(synthetic.results(tmp_path, n_run=4))
     with pytest.raises(InputError, match=r"reference\.parquet: damaged: no rows of the case"):
-        flights(tables.with_frames(reference=tables.reference[:0]), ellipses=False, every=60.0)
+        flights(tables.with_frames(reference=tables.reference[:0]), ellipses=False, interval=60.0)

@@ -12,7 +12,7 @@ import pandas as pd
 import pytest
 
 from lvnav_trade.campaign.definition.axes import cases
-from lvnav_trade.campaign.reading.load import load, resolved
+from lvnav_trade.campaign.reading.load import load, resolved_text
 from lvnav_trade.campaign.syntax import fields
 from lvnav_trade.filter.card import FilterCard
 from lvnav_trade.gnss.receiver_cards import ReceiverCard
@@ -21,7 +21,7 @@ from lvnav_trade.report import build, models
 from lvnav_trade.report.build import make, markdown_page
 from lvnav_trade.results.tables.read import load as results_of
 from lvnav_trade.scenario.scenario import Scenario
-from lvnav_trade.sensors.family import SENSORS, kind_of
+from lvnav_trade.sensors.family import SENSORS, card_kind
 from tests import synthetic
 from tests.both_engines.combinations import scenario_of
 from tests.both_engines.covering import covering, refusal
@@ -79,7 +79,7 @@ def kinds_at(kind: Any, path: str) -> list[Any]:
     inside = fields.entries(kind) or fields.item(kind, 0)
     if inside is not None and key != "*":
         return []
-    of_models = [by for model in fields.models(kind) for by in [fields.by_key(model)]]
+    of_models = [by for model in fields.models(kind) for by in [fields.fields_by_key(model)]]
     below = [inside] if inside is not None else []
     if inside is None or key == "*":
         below += [info.annotation for by in of_models for name, info in by.items() if key in ("*", name)]
@@ -112,7 +112,7 @@ def families(model: Any, path: str = "", seen: set[Any] | None = None) -> dict[s
         return {}
     seen.add(model)
     found: dict[str, set[str]] = {}
-    for key, info in fields.by_key(model).items():
+    for key, info in fields.fields_by_key(model).items():
         inside = fields.entries(info.annotation) or fields.item(info.annotation, 0)
         held, here = (info.annotation, f"{path}{key}.") if inside is None else (inside, f"{path}{key}.*.")
         members = fields.models(held)
@@ -129,7 +129,7 @@ FAMILIES = families(Scenario)
 def test_the_families_are_found():
     assert {"trajectory.kind", "constellation.kind", "sensors.*.kind", "faults.*.kind"} <= set(FAMILIES)
     assert {"receiver.solution.kind", "atmosphere.troposphere.kind"} <= set(FAMILIES)
-    assert FAMILIES["sensors.*.kind"] == {kind_of(card) for card in SENSORS}
+    assert FAMILIES["sensors.*.kind"] == {card_kind(card) for card in SENSORS}
     assert len(FAMILIES["faults.*.kind"]) == 19
 
 
@@ -164,8 +164,8 @@ PLACES = {
 @pytest.mark.parametrize("card", PLAIN)
 def test_every_field_of_the_main_cards_has_an_entry_or_is_plain(card):
     for place in PLACES[card]:
-        named = {key for key in fields.by_key(card) if listed(f"{place}{key}") or listed(f"{place}{key}.kind")}
-        assert set(fields.by_key(card)) - named == PLAIN[card], place
+        named = {key for key in fields.fields_by_key(card) if listed(f"{place}{key}") or listed(f"{place}{key}.kind")}
+        assert set(fields.fields_by_key(card)) - named == PLAIN[card], place
 
 
 # ------------------------------------------------------------------------------------------------ entries are in use
@@ -263,7 +263,7 @@ def page(tmp_path_factory):
     axes = "axes=[{path: imu, cards: [imu/tactical_fog, imu/navigation_matched], labels: [fine, coarse]}]"
     campaign = load("campaigns/smoke.yaml", [axes, "faults=[{kind: clock_jump, start: 10 s, size: 3 m}]"])
     folder = tmp_path_factory.mktemp("models") / "results"
-    return build(synthetic.results(folder, n_run=40, campaign=resolved(campaign)))
+    return build(synthetic.results(folder, n_run=40, campaign=resolved_text(campaign)))
 
 
 def test_the_page_has_a_row_for_each_model_in_use_and_for_no_other(page):

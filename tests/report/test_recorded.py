@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 
 from lvnav_trade.campaign.reading.load import load
-from lvnav_trade.campaign.recorded_log import FilteredLog, failures, summarised
+from lvnav_trade.campaign.recorded_log import FilteredLog, failures, outage_summary
 from lvnav_trade.report.build import html_page, markdown_page
 from lvnav_trade.report.recorded import page
 from lvnav_trade.simulation.recorded.alignment import Alignment
@@ -24,7 +24,7 @@ def processed(inside: bool = True, square: float = 1.0, heading: str | None = No
          "inside": inside, "failed": False}
     )  # fmt: skip
     aligned = Alignment(9.0, np.eye(3), np.radians([0.1, 0.0, -0.2]), np.radians(-90.0), np.radians(0.5))
-    return FilteredLog(card, aligned, pd.DataFrame(), rows, summarised(rows), ("2 of 9 solutions are left out",))
+    return FilteredLog(card, aligned, pd.DataFrame(), rows, outage_summary(rows), ("2 of 9 solutions are left out",))
 
 
 def said(done: FilteredLog) -> str:
@@ -56,7 +56,7 @@ def test_outages_that_fail_are_counted_and_the_rest_is_no_verdict():
     rows = processed().outages
     rows.loc[1, ["failed", "inside"]] = [True, False]
     rows.loc[1, ["nees_ratio", "position_error_m", "velocity_error_m_per_s"]] = np.nan
-    summary = summarised(rows)
+    summary = outage_summary(rows)
     assert summary[["outages", "failed", "inside_percent"]].to_numpy().tolist() == [[2, 1, 50.0]]
     assert summary.position_rms_m[0] == 2.0
     (note,) = failures(summary)
@@ -65,6 +65,6 @@ def test_outages_that_fail_are_counted_and_the_rest_is_no_verdict():
     text = said(processed()._replace(outages=rows, summary=summary, notes=(note,)))
     assert "1 of 2 outages fail" in text
     assert "the filter assumes" not in text
-    (note,) = failures(summarised(rows.iloc[1:]))
+    (note,) = failures(outage_summary(rows.iloc[1:]))
     assert "1 of 1 outages fail (the estimate is not finite, or beyond the case's limit)" in note
     assert note.endswith("there is no NEES, RMS or worst")

@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 
 from lvnav_trade.campaign.reading.study_card import load_study
-from lvnav_trade.campaign.syntax.card_lookup import shipped
+from lvnav_trade.campaign.syntax.card_lookup import tool_folder
 from lvnav_trade.quantities.errors import InputError
 from lvnav_trade.report.recount import recount
 from lvnav_trade.report.script import StudyScript
@@ -44,7 +44,7 @@ def kept(folder: Path, **cells: object) -> Path:
 
 
 def again(folder: Path) -> Path:
-    script = StudyScript(shipped("campaigns") / "gains")
+    script = StudyScript(tool_folder("campaigns") / "gains")
     study, questions = load_study(script.folder, None, {"missions": None, "steps": None, "single": None})
     return recount(study, [one.campaign for one in questions], folder, script)
 

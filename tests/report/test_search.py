@@ -16,7 +16,7 @@ LOOKS = [("base", "frozen", np.nan, "", x, "deg", "tilt", x, 1.5, "mrad", x / 1.
 def test_an_answer_is_a_page_with_its_figure_its_tables_and_runs(tmp_path) -> None:
     answers, scanned = pd.DataFrame(ONE, columns=ANSWERS), pd.DataFrame(LOOKS, columns=SCANNED)
     confirmed = pd.DataFrame([("base", "frozen", 1.4, "deg", "tilt", 80, 3, 0.04, "met", True)], columns=CONFIRMED)
-    blocks = search.solved(answers, pd.DataFrame(columns=INTERVALS), scanned, confirmed, ["initial.tilt"])
+    blocks = search.solution_blocks(answers, pd.DataFrame(columns=INTERVALS), scanned, confirmed, ["initial.tilt"])
     assert [block.name for block in blocks if isinstance(block, Picture)] == ["solve"]
     assert "along" not in next(block for block in blocks if isinstance(block, Table)).head
     page = search.write(tmp_path / "page", "title", "asked", blocks, {"answers": answers, "none": answers[:0]})
@@ -26,7 +26,7 @@ def test_an_answer_is_a_page_with_its_figure_its_tables_and_runs(tmp_path) -> No
 
 def test_two_fields_are_a_boundary() -> None:
     rows = [(*ONE[0][:2], x, "s", 1.0 / x, *ONE[0][5:]) for x in (1.0, 2.0)]
-    blocks = search.solved(
+    blocks = search.solution_blocks(
         pd.DataFrame(rows, columns=ANSWERS), pd.DataFrame(columns=INTERVALS), pd.DataFrame(LOOKS, columns=SCANNED),
         pd.DataFrame(columns=CONFIRMED),
         ["initial.tilt", "receiver.latency"],
@@ -37,12 +37,12 @@ def test_two_fields_are_a_boundary() -> None:
 def test_indices_and_a_tuning_are_tables() -> None:
     frame = pd.DataFrame({"source": ["a", "b"], **{f"{way}_{order}": [0.6, 0.4] for way in ("frozen", "retuned")
                                                     for order in ("first", "total", "total_half_width")}})  # fmt: skip
-    found = search.indexed(frame, "base", "velocity_error_3d at injection", 0.9, 0.99, 64)
+    found = search.sensitivity_blocks(frame, "base", "velocity_error_3d at injection", 0.9, 0.99, 64)
     assert found[0].text == "a 0.60 +- 0.60 (frozen 0.60); b 0.40 +- 0.40 (frozen 0.40)."
     assert "90 % of the mean square" in found[1].text
     cases = pd.DataFrame({"case": ["a", "b"], "role": ["tuned", "held out"], "ratio_before": [2.0, 3.0],
                           "ratio_after": [0.5, 0.75]})  # fmt: skip
-    made = search.tuned(pd.DataFrame({"path": ["x"]}), cases, "tune of x")
+    made = search.tuning_blocks(pd.DataFrame({"path": ["x"]}), cases, "tune of x")
     assert made[-1].text == "tune of x"
     assert made[0].text == "tuned, worst of 1: 2 before, 0.5 after; held out, worst of 1: 3 before, 0.75 after."
     assert [len(block.rows) for block in made if isinstance(block, Table)] == [1, 2]

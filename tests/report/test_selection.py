@@ -26,15 +26,15 @@ def tables(monkeypatch):
 
 def test_of_many_cases_those_that_decide_and_the_best_are_shown_in_the_order_of_the_plan(tables):
     assert list(selection.chosen_cases(tables)) == ["00", "03", "04", "05", "06", "07", "08", "09"]
-    assert [block.text for block in selection.left_out(tables)] == [
+    assert [block.text for block in selection.omission_note(tables)] == [
         "The decisive cases and the best ones are shown, 8 in all; 2 more are in the tables."
     ]
 
 
 def test_cases_that_are_alike_are_one(tables):
-    assert selection.distinct(tables, "satellites", ["cn0_db_hz"], ["03", "02", "01"]) == ["03", "02"]
+    assert selection.distinct_cases(tables, "satellites", ["cn0_db_hz"], ["03", "02", "01"]) == ["03", "02"]
 
 
 def test_more_cases_than_are_drawn_are_counted():
-    assert selection.few(list(LABELS)[:8]) == (list(LABELS)[:8], [])
-    assert selection.few(list(LABELS))[1] == [Text("2 more cases that differ here are in the tables.")]
+    assert selection.first_cases(list(LABELS)[:8]) == (list(LABELS)[:8], [])
+    assert selection.first_cases(list(LABELS))[1] == [Text("2 more cases that differ here are in the tables.")]

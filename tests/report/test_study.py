@@ -110,7 +110,7 @@ def test_a_figure_of_a_case_that_is_not_there_is_refused(answered, tmp_path):
     figure = STUDY.campaigns[0].figures[2].model_copy(update={"case": {"imu": "none"}})
     part = STUDY.campaigns[0].model_copy(update={"figures": (figure,)})
     with pytest.raises(InputError, match="synthetic: no case"):
-        build(STUDY, [answered[0]._replace(part=part)], tmp_path)
+        build(STUDY, [answered[0]._replace(study_campaign=part)], tmp_path)
 
 
 def test_a_folder_that_cannot_be_written_is_reported(answered):

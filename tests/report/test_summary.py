@@ -37,7 +37,7 @@ def test_the_first_section_answers_in_a_few_lines(text):
 
 def test_the_matrix_has_all_cases_the_smallest_margin_first(page):
     tables = load(page.parent)
-    matrix = next(block for block in summary(tables) if block.kind == "table")
+    matrix = next(block for block in summary(tables) if block.block_type == "table")
     assert [row[0] for row in matrix.rows] == ["imu=coarse", "imu=fine"]
     stated = tables.campaign["requirements"]
     limit = METRICS["margins"](tables).iloc[0]
@@ -64,7 +64,7 @@ def test_without_runs_margins_are_those_of_linear_covariance(tmp_path):
         assert (row.verdict, row.estimate, row.unit) == tuple(
             alone.loc[(row.requirement, row.case), ["verdict", "estimate", "unit"]]
         )
-    caption = next(block for block in summary(tables) if block.kind == "table").caption
+    caption = next(block for block in summary(tables) if block.block_type == "table").caption
     assert "Verdicts and margins are by linear covariance." in caption
 
 

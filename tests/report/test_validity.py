@@ -10,9 +10,9 @@ from lvnav_trade.report.validity import (
     empty_stages,
     filter_cells,
     filter_verdict,
-    overconfidence,
-    short_lived,
+    sigma_warnings,
     window_cells,
+    window_warning,
 )
 from lvnav_trade.results.evaluation import METRICS
 from lvnav_trade.results.requirements.margins import margins
@@ -55,7 +55,7 @@ def test_the_first_screen_warns_of_overconfident_filters_and_the_matrix_shows_ea
     assert warning.startswith(
         "2 of 2 filters are overconfident: their sigma is 7.1 to 20 times too small; do not fly these covariances."
     )
-    matrix = next(block for block in first if block.kind == "table")
+    matrix = next(block for block in first if block.block_type == "table")
     at = matrix.head.index("filter consistent over the run?")
     assert (
         "Filter consistent: mean NEES (normalised estimation error squared) over the run and at injection."
@@ -67,9 +67,9 @@ def test_the_first_screen_warns_of_overconfident_filters_and_the_matrix_shows_ea
 
 
 def test_consistent_filters_are_no_warning_and_conservative_ones_a_note(alone):
-    assert overconfidence(alone) == []
+    assert sigma_warnings(alone) == []
     assert set(filter_cells(alone).values()) == {"✓ consistent"}
-    (note,) = leads(overconfidence(scaled(alone, fine=1.0 / 9.0)), "Note:")
+    (note,) = leads(sigma_warnings(scaled(alone, fine=1.0 / 9.0)), "Note:")
     assert note == "1 of 2 filters is conservative: its sigma is 3 times too large."
 
 
@@ -77,7 +77,7 @@ def test_a_requirement_that_is_met_at_its_event_and_not_after_it_is_a_warning(al
     """The 95 % quantile of the fine case is 0.61 m/s at the event and 0.70 m/s 20 s after it; of the coarse 1.8 m/s."""
     found = alone.with_frames()
     found.__dict__["campaign"] = {**alone.campaign, "requirements": [BRIEF]}
-    (warning,) = leads(short_lived(found), "Warning:")
+    (warning,) = leads(window_warning(found), "Warning:")
     assert warning == (
         "Velocity is met at stage1 cutoff only. The design that meets it exceeds 0.65 m/s between 5 s before and 20 s "
         "after the event (95 % quantile by linear covariance): imu=fine: 0.698 m/s 20.0 s after the event."
@@ -86,7 +86,7 @@ def test_a_requirement_that_is_met_at_its_event_and_not_after_it_is_a_warning(al
     assert column == (
         "worst from -5 to +20 s (m/s)", {"imu=fine": "✗ 0.698 at +20.0 s", "imu=coarse": "✗ 2.09 at +20.0 s"}
     )  # fmt: skip
-    assert leads(short_lived(alone), "Warning:") == []
+    assert leads(window_warning(alone), "Warning:") == []
 
 
 def of_two(tables: Tables, **columns: object) -> Tables:
@@ -101,20 +101,20 @@ def of_two(tables: Tables, **columns: object) -> Tables:
 
 def test_a_warning_says_how_many_designs_stay_below_the_limit_and_which_do_not(alone):
     """The 95 % quantile of the fine case is 0.70 m/s at most, of the coarse one 2.09 m/s after the event."""
-    (warning,) = leads(short_lived(of_two(alone)), "Warning:")
+    (warning,) = leads(window_warning(of_two(alone)), "Warning:")
     assert warning == (
         "Velocity around stage1 cutoff: 2 designs meet the requirement at the event. Between 5 s before and 20 s after "
         "the event, 1 stays below the limit of 2 m/s and 1 exceeds it (95 % quantile by linear covariance): "
         "imu=coarse: 2.09 m/s 20.0 s after the event."
     )
     both = of_two(alone, worst=3.0, verdict_changes=True)
-    (warning,) = leads(short_lived(both), "Warning:")
+    (warning,) = leads(window_warning(both), "Warning:")
     assert warning.startswith(
         "Velocity is met at stage1 cutoff only. All 2 designs that meet it exceed 2 m/s between 5 s before and 20 s"
     )
     missing = of_two(alone)
     missing.cache[windows.__module__, "windows"] = windows(missing).iloc[1:]
-    (warning,) = leads(short_lived(missing), "Warning:")
+    (warning,) = leads(window_warning(missing), "Warning:")
     assert "after the event, none stays below the limit of 2 m/s, 1 is not" in warning
     assert "1 is not evaluated and 1 exceeds it (95 %" in warning
 
@@ -127,7 +127,7 @@ def test_window_columns_are_marked_as_the_verdicts_are(alone):
     found.cache[margins.__module__, "margins"] = frame.assign(by=["runs", "LinCov"])
     (column,) = window_cells(found).values()
     assert column == {"imu=fine": "✓ 0.698 at +20.0 s †", "imu=coarse": "✗ 2.09 at +20.0 s ‡"}
-    matrix = next(block for block in summary(found) if block.kind == "table")
+    matrix = next(block for block in summary(found) if block.block_type == "table")
     assert " † by linear covariance, ‡ extrapolated from few runs. " in matrix.caption
 
 
@@ -143,7 +143,7 @@ def test_one_reason_is_said_once_for_several_requirements(alone):
     realism = {**BRIEF, "metric": "normalised_attitude_error", "below": "9 sigma"}
     both = [{**realism, "name": "realism"}, {**realism, "name": "realism twice"}]
     found.__dict__["campaign"] = {**alone.campaign, "requirements": both}
-    (note,) = leads(short_lived(found), "Note:")
+    (note,) = leads(window_warning(found), "Note:")
     assert note == (
         "The duration of the verdict is unknown for realism, realism twice, around stage1 cutoff: the covariance "
         "between the axes of attitude is stored at events only."
@@ -155,7 +155,7 @@ def test_what_the_extent_of_a_window_rests_on_is_said_case_by_case_where_it_diff
     found.__dict__["campaign"] = {**alone.campaign, "requirements": [{**BRIEF, "below": "2.0 m/s"}]}
     frame = windows(found).assign(verdict_changes=True, by=["LinCov", "runs, extrapolated"])
     found.cache[windows.__module__, "windows"] = frame
-    (warning,) = leads(short_lived(found), "Warning:")
+    (warning,) = leads(window_warning(found), "Warning:")
     assert "(95 % quantile): imu=fine: 0.698 m/s 20.0 s after the event, by linear covariance; imu=coarse: " in warning
     assert warning.endswith(" 20.0 s after the event, extrapolated from few runs.")
 
@@ -169,7 +169,7 @@ def test_the_first_screen_says_of_what_no_window_could_be_evaluated(alone):
         "The duration of the verdict is unknown for realism, around stage1 cutoff: the covariance between the axes of "
         "attitude is stored at events only."
     )
-    assert leads(short_lived(alone), "Note:") == []
+    assert leads(window_warning(alone), "Note:") == []
 
 
 def test_more_requirements_than_there_is_room_for_are_in_a_table_of_their_own(alone):

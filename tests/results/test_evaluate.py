@@ -36,4 +36,4 @@ def test_the_difference_of_errors_three_times_as_large_is_twice_the_smaller(good
 
 def test_a_metric_that_no_run_has_has_no_errors(good):
     assert errors_at(good, CASE, "injection", "satellites_tracked") is None
-    assert errors_at(good, CASE, "touchdown", "velocity_error_3d").size.size == 0
+    assert errors_at(good, CASE, "touchdown", "velocity_error_3d").magnitude.size == 0

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from lvnav_trade.results.metric import Metric, MetricValue, event_of, scale_of, where
+from lvnav_trade.results.metric import Metric, MetricValue, event_of, event_or_phase, scale_of
 
 
 @dataclass(frozen=True)
@@ -29,9 +29,9 @@ def test_a_unit_has_its_size_in_si_or_does_not_fit():
 
 
 def test_a_place_is_a_phase_or_an_event_and_injection_without_either():
-    assert where({}) == event_of({"during": "flight"}) == "injection"
-    assert where({"during": "flight", "at": None}) == "flight"
-    assert where({"at": "liftoff"}) == "liftoff"
+    assert event_or_phase({}) == event_of({"during": "flight"}) == "injection"
+    assert event_or_phase({"during": "flight", "at": None}) == "flight"
+    assert event_or_phase({"at": "liftoff"}) == "liftoff"
 
 
 def test_the_single_number_is_of_the_runs_whose_squares_are_growing_sizes():
@@ -44,7 +44,7 @@ def test_the_single_number_is_of_the_runs_whose_squares_are_growing_sizes():
 def test_a_metric_without_runs_of_its_own_has_no_errors_and_no_law():
     metric = Metric("a", "m", "a number")
     assert metric.errors(None, {}) is None
-    assert metric.law(None, {}) == "linear covariance does not hold this error there"
+    assert metric.distribution(None, {}) == "linear covariance does not hold this error there"
     assert metric.label({"statistic": "worst", "during": "flight"}) == "worst a, flight"
     with pytest.raises(NotImplementedError):
         metric.value(None, "", {}, "-")

@@ -34,7 +34,7 @@ def test_a_name_that_only_results_hold_is_the_error_of_a_state():
 
 
 def test_names_are_those_for_which_a_condition_holds():
-    assert names(lambda one: one.is_of_modes) == (
+    assert names(lambda one: one.names_mode) == (
         "mode_entry_time", "mode_entry_share", "mode_duration", "mode_changes",
     )  # fmt: skip
 

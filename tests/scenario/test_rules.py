@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from lvnav_trade.scenario.rules import REFUSALS, refused
+from lvnav_trade.scenario.rules import REFUSALS, first_refusal
 from tests.both_engines.modelled import SETTINGS
 from tests.building import INERTIAL, LOOSE, loaded, with_fields, with_units
 
@@ -77,7 +77,7 @@ def test_a_difference_of_units_that_makes_no_sense_is_refused_with_its_reason(un
 @pytest.mark.parametrize(("settings", "fields", "reported"), CASES, ids=[reported for _, _, reported in CASES])
 def test_a_combination_that_makes_no_sense_is_refused_with_its_reason(settings, fields, reported):
     scenario = loaded(*settings)
-    assert refused(scenario) is None
+    assert first_refusal(scenario) is None
     with pytest.raises(ValueError, match=reported):
         with_fields(scenario, **fields)
 
@@ -92,7 +92,7 @@ def test_a_combination_that_makes_no_sense_is_refused_with_its_reason(settings, 
     ],
 )
 def test_policies_and_measurements_go_together_otherwise(settings, fields):
-    assert refused(with_fields(loaded(*settings), **fields)) is None
+    assert first_refusal(with_fields(loaded(*settings), **fields)) is None
 
 
 def test_every_refusal_names_a_field_and_a_reason_of_its_own():

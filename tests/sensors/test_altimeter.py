@@ -59,5 +59,5 @@ def test_what_cannot_be_is_refused(field, value, reported):
 
 
 def test_the_matched_model_has_the_cards_own_noise():
-    model = AltimeterCard.model_validate({**CARD, "share": "2 percent"}).matched()
+    model = AltimeterCard.model_validate({**CARD, "share": "2 percent"}).matched_model()
     assert (model.sigma, model.share) == (1.0, 0.02)

@@ -36,12 +36,12 @@ def test_noise_of_the_pressure_is_that_height_by_which_the_standard_pressure_cha
         # gravity of the standard at sea level, by 0.3 % every 10 km less above
         assert sigma == pytest.approx(10.0 / slope, rel=1e-3 + 2.0 * height / 6.37e6)
     assert found[0, 0] == pytest.approx(0.83, abs=0.01)  # m; 8.3 m each hPa
-    np.testing.assert_allclose(barometer().assumed_variance(barometer().matched(), flight()), found**2)
+    np.testing.assert_allclose(barometer().assumed_variance(barometer().matched_model(), flight()), found**2)
 
 
 def test_lasting_errors_act_as_a_bias_by_height_and_by_dynamic_pressure():
     card = barometer(bias="30 m", bias_time="60 s", scale="1 percent", flow="2 percent")
-    found = {error.field: error for error in card.lasting()}
+    found = {error.field: error for error in card.correlated_errors()}
     at = {name: error.partials(flight(), 1)[:, 0, 0] for name, error in found.items()}
     np.testing.assert_array_equal(at["bias"], 1.0)
     np.testing.assert_array_equal(at["scale"], HEIGHTS)
@@ -50,7 +50,7 @@ def test_lasting_errors_act_as_a_bias_by_height_and_by_dynamic_pressure():
 
 
 def test_it_measures_up_to_its_height():
-    assert barometer().available(flight()).tolist() == [True, True, True, True, False]
+    assert barometer().is_available(flight()).tolist() == [True, True, True, True, False]
     np.testing.assert_array_equal(barometer().truth(flight())[:, 0], HEIGHTS)
 
 

@@ -11,7 +11,15 @@ from pydantic import TypeAdapter, ValidationError
 
 from lvnav_trade.sensors import family
 from lvnav_trade.sensors.altimeter import AltimeterCard, AltimeterModel
-from lvnav_trade.sensors.family import FAMILY, MEASUREMENTS, SENSORS, Sensor, SensorModels, kind_of, model_of
+from lvnav_trade.sensors.family import (
+    FAMILY,
+    MEASUREMENTS,
+    SENSORS,
+    Sensor,
+    SensorModels,
+    card_kind,
+    sensor_filter_model,
+)
 
 RADAR = {"kind": "altimeter", "name": "a", "source": "b", "sigma": "1 m", "share": "1 percent", "highest": "5 km"}
 EARLIER = (
@@ -26,12 +34,12 @@ def test_every_card_with_a_kind_in_the_folder_is_registered():
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             if isinstance(node, ast.AnnAssign) and ast.unparse(node.target) == "kind" and node.value is not None:
                 stated.add(ast.literal_eval(node.value))
-    assert stated == {kind_of(card) for card in SENSORS}
+    assert stated == {card_kind(card) for card in SENSORS}
     assert len(stated) == len(SENSORS)
 
 
 def test_sensors_of_earlier_versions_keep_their_places_and_others_follow_by_name():
-    kinds = [kind_of(card) for card in SENSORS]
+    kinds = [card_kind(card) for card in SENSORS]
     assert tuple(kinds[: len(EARLIER)]) == EARLIER
     assert kinds[len(EARLIER) :] == sorted(kinds[len(EARLIER) :])
     assert all(one.order < other.order for one, other in pairwise(FAMILY[: len(EARLIER)]))
@@ -53,5 +61,5 @@ def test_a_card_is_read_by_its_kind():
 
 def test_a_matched_model_is_the_sensors_and_a_stated_one_the_filters_own():
     radar = AltimeterCard.model_validate(RADAR)
-    assert model_of(SensorModels(), radar) == AltimeterModel.model_construct(sigma=1.0, share=0.01)
-    assert model_of(SensorModels(altitude={"sigma": "3 m"}), radar).sigma == 3.0
+    assert sensor_filter_model(SensorModels(), radar) == AltimeterModel.model_construct(sigma=1.0, share=0.01)
+    assert sensor_filter_model(SensorModels(altitude={"sigma": "3 m"}), radar).sigma == 3.0

@@ -7,13 +7,22 @@ import pytest
 from scipy.special import lpmv
 
 from lvnav_trade.quantities.frames import ecef_from_geodetic, rotation_e_n
-from lvnav_trade.sensors.geomagnetism import DEGREE, RADIUS, coefficients, covered, field, gradient, legendre, year_of
+from lvnav_trade.sensors.geomagnetism import (
+    DEGREE,
+    RADIUS,
+    coefficients,
+    decimal_year,
+    field,
+    gradient,
+    legendre,
+    model_years,
+)
 
 
 def north_east_down(latitude, longitude, height, epoch, degree=DEGREE):
     """The field in nT at geodetic coordinates (deg, m)."""
     at = np.radians(latitude), np.radians(longitude)
-    found = field(ecef_from_geodetic(*at, height), year_of(epoch), degree)
+    found = field(ecef_from_geodetic(*at, height), decimal_year(epoch), degree)
     return 1e9 * rotation_e_n(*at) @ found
 
 
@@ -70,10 +79,10 @@ def test_the_gradient_is_symmetric_and_without_trace_as_outside_all_sources():
 
 
 def test_a_year_between_is_interpolated_and_one_outside_is_refused():
-    assert covered() == (1900.0, 2030.0)
+    assert model_years() == (1900.0, 2030.0)
     halfway = [coefficients(year)[0][1, 0] for year in (2020.0, 2022.5, 2025.0)]
     assert halfway == pytest.approx([-29403.41, 0.5 * (-29403.41 - 29350.0), -29350.0])
-    assert year_of("2024-07-02T00:00:00Z") == pytest.approx(2024.5)
+    assert decimal_year("2024-07-02T00:00:00Z") == pytest.approx(2024.5)
     for year in (1899.9, 2030.1):
         with pytest.raises(ValueError, match="1900 to 2030"):
             coefficients(year)

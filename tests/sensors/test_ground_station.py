@@ -56,7 +56,7 @@ def innovations(card, k, moved, observed):
     """Rows and innovations of a filter whose position is off by `moved` (m, frame i)."""
     H, z, nav = np.full((3, N_ENTRY), np.nan), np.full(3, np.nan), np.zeros(N_NAV)
     nav[Q], nav[R : R + 3] = 1.0, FLIGHT.r_i[k] + moved
-    fill(H, z, 0, observed, nav, card.known(card.matched(), FLIGHT)[k])
+    fill(H, z, 0, observed, nav, card.filter_parameters(card.matched_model(), FLIGHT)[k])
     return H, z
 
 
@@ -98,7 +98,7 @@ def test_an_azimuth_across_north_does_not_jump():
 
 def test_a_survey_error_is_the_station_standing_elsewhere():
     card = station(survey="10 m")
-    (survey,) = [error for error in card.lasting() if error.source == "station survey"]
+    (survey,) = [error for error in card.correlated_errors() if error.source == "station survey"]
     found = survey.partials(FLIGHT, 3)
     lat, lon = np.radians(SITE[:2])
     C_e_n = rotation_e_n(lat, lon)
@@ -115,7 +115,7 @@ def test_a_survey_error_is_the_station_standing_elsewhere():
 def test_the_residual_refraction_of_a_high_line_is_that_of_a_flat_atmosphere():
     card = station(refraction="10 percent", height="0 m")
     steep = view([placed(10.0, 60.0, 4e4, (*SITE[:2], 0.0))])
-    (air,) = [error for error in card.lasting() if error.source == "refraction"]
+    (air,) = [error for error in card.correlated_errors() if error.source == "refraction"]
     found = air.partials(steep, 3)[0, :, 0]
     N, H, h, e = 315e-6, 7350.0, 4e4 * np.sin(np.radians(60.0)), np.radians(60.0)
     share = 1.0 - np.exp(-h / H)
@@ -127,16 +127,16 @@ def test_the_residual_refraction_of_a_high_line_is_that_of_a_flat_atmosphere():
 
 def test_biases_act_on_their_scalars_only():
     card = station(range_bias="10 m", angle_bias="0.1 mrad")
-    by_source = {error.source: error.partials(FLIGHT, 3)[0] for error in card.lasting()}
+    by_source = {error.source: error.partials(FLIGHT, 3)[0] for error in card.correlated_errors()}
     np.testing.assert_array_equal(by_source["station range bias"], [[1.0], [0.0], [0.0]])
     np.testing.assert_array_equal(by_source["station angle bias"], [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
 
 
 def test_it_measures_above_its_mask_and_within_its_range():
-    assert station(elevation_above="5 deg").available(FLIGHT).tolist() == [True, True, True, False, True]
-    assert station(longest_range="900 km", elevation_below="50 deg").available(FLIGHT).tolist() == [1, 1, 1, 1, 0]
+    assert station(elevation_above="5 deg").is_available(FLIGHT).tolist() == [True, True, True, False, True]
+    assert station(longest_range="900 km", elevation_below="50 deg").is_available(FLIGHT).tolist() == [1, 1, 1, 1, 0]
     below = view([placed(80.0, -1.0, 1e5)])
-    assert not station().available(below).any()
+    assert not station().is_available(below).any()
 
 
 @pytest.mark.parametrize(
@@ -160,6 +160,6 @@ def test_what_cannot_be_is_refused(fields, reported):
 
 def test_the_matched_model_has_the_cards_own_numbers():
     card = station(range_bias="7 m")
-    model = card.matched()
+    model = card.matched_model()
     assert (model.range_sigma, model.angle_sigma, model.range_bias) == (5.0, 1e-4, 7.0)
     np.testing.assert_allclose(card.assumed_variance(model, FLIGHT), [[25.0, 1e-8, 1e-8]])

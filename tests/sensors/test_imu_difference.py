@@ -29,11 +29,11 @@ def test_a_difference_of_two_units_tells_which_is_the_better_one_whatever_their_
     scenario = with_fields(loaded(INERTIAL, "base.imu=imu/tactical_fog_matched"), **QUIET)
     cov = covariance(prepare_hop(with_difference(scenario, [{}, UNLIKE | TURNED])))
     gyro, accel = slice(9, 12), slice(12, 15)
-    for sigma in (cov.formal, cov.true_sigma):
+    for sigma in (cov.formal_sigma, cov.true_sigma):
         assert sigma[0, gyro] == pytest.approx(np.full(3, math.sqrt(10.0) / 2.0 * DEG_H), rel=1e-9)
         assert sigma[-1, gyro] == pytest.approx(np.full(3, 3.0 / math.sqrt(10.0) * DEG_H), rel=1e-4)
         assert sigma[-1, accel] == pytest.approx(np.full(3, 2e-3 * G / math.sqrt(5.0)), rel=1e-4)
-    assert np.max(np.abs(cov.true_sigma / cov.formal - 1.0)) < 1e-3
+    assert np.max(np.abs(cov.true_sigma / cov.formal_sigma - 1.0)) < 1e-3
 
 
 def test_axes_of_unlike_noise_have_it_each_in_the_difference():
@@ -41,11 +41,11 @@ def test_axes_of_unlike_noise_have_it_each_in_the_difference():
     quiet, loud = 0.003, 0.3  # deg/sqrt(h)
     scenario = with_fields(loaded(INERTIAL, "base.imu=imu/tactical_fog_matched"), **QUIET)
     own = {"random_walk": [f"{quiet} deg/sqrt(h)", f"{quiet} deg/sqrt(h)", f"{loud} deg/sqrt(h)"]}
-    prepared = prepare_hop(with_difference(scenario, [{"gyro": own}, {"gyro": own | UNLIKE["gyro"]}]))
-    sensor = next(one for one in prepared.devices if one.card.measurement == "angle_difference")
+    prepared_case = prepare_hop(with_difference(scenario, [{"gyro": own}, {"gyro": own | UNLIKE["gyro"]}]))
+    sensor = next(one for one in prepared_case.devices if one.card.measurement == "angle_difference")
     at = 5
     walk = np.array([quiet, quiet, loud]) * math.radians(1.0) / 60.0
-    since = sensor.since[at]
+    since = sensor.time_since_measurement[at]
     assert sensor.sigma[at, :3] == pytest.approx(math.sqrt(2.0 * since) * walk, rel=1e-9)
     assert sensor.variance[at, :3] == pytest.approx(2.0 * since * walk**2, rel=1e-9)
 
@@ -68,7 +68,7 @@ def test_the_filter_assumes_what_is_true_of_units_whose_axes_are_unlike():
         for k, turn in ((1, 1), (2, -1))
     ]  # fmt: skip
     cov = covariance(prepare_hop(with_difference(scenario, units)))
-    np.testing.assert_allclose(cov.formal[:, :15], cov.true_sigma[:, :15], rtol=1e-3)
+    np.testing.assert_allclose(cov.formal_sigma[:, :15], cov.true_sigma[:, :15], rtol=1e-3)
     # y of the gyros is quiet, so the difference is known: what is left is s1 s2 / sqrt(s1^2 + s2^2), of 1 and 0.2 deg/h
     assert cov.true_sigma[-1, 10] == pytest.approx(0.2 / math.hypot(1.0, 0.2) * DEG_H, rel=1e-2)
 
@@ -85,7 +85,7 @@ def test_a_field_of_the_relative_biases_changes_what_the_filter_assumes(kind, en
     stated = filter_models(whole)[0].model_dump(mode="json")
     name = f"{kind}_relative_bias{end}"
     one, two = (
-        covariance(prepare_hop(with_fields(whole, **{"filter.imu": stated | change}))).formal
+        covariance(prepare_hop(with_fields(whole, **{"filter.imu": stated | change}))).formal_sigma
         for change in ({}, {name: OTHER[end][kind]})
     )
     assert not np.array_equal(one, two)
@@ -106,12 +106,12 @@ def test_both_engines_agree_on_a_difference(units):
     base = loaded(
         "base.imu=imu/tactical_fog", "base.filter=filters/tight", *IDEAL, "base.imu.accel.scale_factor=200 ppm"
     )
-    prepared = prepare_hop(with_difference(base, units, "pseudorange", "range_rate"))
-    cov, n = covariance(prepared), 64
+    prepared_case = prepare_hop(with_difference(base, units, "pseudorange", "range_rate"))
+    cov, n = covariance(prepared_case), 64
     at = [10, 20, 30]
-    rms = np.sqrt(np.mean(run_block(prepared, 5, 0, n).err[:, at] ** 2, axis=0))
+    rms = np.sqrt(np.mean(run_block(prepared_case, 5, 0, n).err[:, at] ** 2, axis=0))
     ratio = rms / np.hypot(cov.true_sigma[at], cov.mean[at])
     # the ratio of a root mean square of n runs to sigma has itself the sigma 1 / sqrt(2 n); of 90, five of it
     assert np.max(np.abs(ratio - 1.0)) < 5.0 / math.sqrt(2.0 * n)
-    backward = adjoint(prepared, 30.0).contribution.sum(axis=2)
+    backward = adjoint(prepared_case, 30.0).contribution.sum(axis=2)
     assert backward == pytest.approx(cov.budget[-1, :, :9].T, rel=1e-6, abs=1e-9 * backward.max())

@@ -10,7 +10,7 @@ import pytest
 from lvnav_trade.kernels.attitude import from_rotation, multiply
 from lvnav_trade.kernels.strapdown import N_NAV, Q, R
 from lvnav_trade.quantities.frames import ecef_from_eci, eci_from_ecef, matrices
-from lvnav_trade.sensors.geomagnetism import field, year_of
+from lvnav_trade.sensors.geomagnetism import decimal_year, field
 from lvnav_trade.sensors.jacobian_row import H_ATT, H_POS, N_ENTRY, add
 from lvnav_trade.sensors.magnetometer import SOFT, MagnetometerCard, fill
 from lvnav_trade.sensors.sensor import FlightView
@@ -32,14 +32,14 @@ def view(epoch=EPOCH):
 
 def field_at(r_i):
     """The full field (3,) T in frame i."""
-    return eci_from_ecef(field(ecef_from_eci(r_i, THETA), year_of(EPOCH)), THETA)
+    return eci_from_ecef(field(ecef_from_eci(r_i, THETA), decimal_year(EPOCH)), THETA)
 
 
 def rows(estimate=TRUE, position=PLACE):
     H, z, nav, observed = np.full((4, N_ENTRY), np.nan), np.full(4, np.nan), np.zeros(N_NAV), np.zeros(4)
     nav[Q : Q + 4], nav[R : R + 3] = estimate, position
     add(observed, np.pad(card().truth(view())[0], (0, 1)), 0.0, 0.0, 0.0)
-    fill(H, z, 1, observed, nav, np.pad(card().matched().known(view())[0], (0, 1)))
+    fill(H, z, 1, observed, nav, np.pad(card().matched_model().filter_parameters(view())[0], (0, 1)))
     assert np.isnan(H[0]).all()
     return H[1:], z[1:]
 
@@ -73,12 +73,12 @@ def test_ten_kilometres_off_the_map_is_right_to_a_nanotesla():
 
 
 def test_a_field_of_a_lower_degree_leaves_the_difference_in_the_innovation():
-    dipole = card().matched().model_copy(update={"degree": 1}).known(view())[0, :3]
+    dipole = card().matched_model().model_copy(update={"degree": 1}).filter_parameters(view())[0, :3]
     assert 1e-6 < np.linalg.norm(dipole - field_at(PLACE)) < 2e-5  # T
 
 
 def test_soft_iron_acts_in_proportion_to_the_field_of_an_axis():
-    hard, soft = card(hard_iron="100 nT", soft_iron="1 percent").lasting()
+    hard, soft = card(hard_iron="100 nT", soft_iron="1 percent").correlated_errors()
     body = card().truth(view())[0]
     distorted = soft.partials(view(), 3)[0] @ np.eye(9)[:, SOFT.index("yz")]
     np.testing.assert_allclose(distorted, [0.0, body[2], 0.0])

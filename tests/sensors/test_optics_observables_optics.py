@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from lvnav_trade.quantities.frames import matrices, unit
-from lvnav_trade.sensors.optics import angle, axes_of, earth_disc, no_direction
+from lvnav_trade.sensors.optics import angle, boresight_faults, boresight_quaternion, earth_disc
 from lvnav_trade.sensors.sensor import FlightView
 
 BORESIGHT = (1.0, 2.0, -2.0)
@@ -17,15 +17,15 @@ RADIUS = 6.4e6
 
 @pytest.mark.parametrize("boresight", [BORESIGHT, (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, -3.0)])
 def test_its_axes_are_right_handed_with_the_boresight_for_the_third(boresight):
-    C_s_b = matrices(axes_of(boresight)[None])[0]
+    C_s_b = matrices(boresight_quaternion(boresight)[None])[0]
     np.testing.assert_allclose(C_s_b @ C_s_b.T, np.eye(3), atol=1e-14)
     assert np.linalg.det(C_s_b) == pytest.approx(1.0)
     np.testing.assert_allclose(C_s_b[:, 2], unit(np.array(boresight)), atol=1e-14)
 
 
 def test_a_boresight_without_a_direction_is_reported():
-    assert list(no_direction((0.0, 0.0, 0.0))) == ["boresight (0.0, 0.0, 0.0) has no direction"]
-    assert list(no_direction(BORESIGHT)) == []
+    assert list(boresight_faults((0.0, 0.0, 0.0))) == ["boresight (0.0, 0.0, 0.0) has no direction"]
+    assert list(boresight_faults(BORESIGHT)) == []
 
 
 def test_an_angle_is_between_zero_and_half_a_turn():

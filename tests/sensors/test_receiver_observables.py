@@ -28,12 +28,12 @@ def geometry(of):
         of.sight.rate,
         of.acceleration,
         of.velocity,
-        of.push,
+        of.vehicle_acceleration,
         troposphere,
         ionosphere,
         solution,
         2.0 * solution,
-        lever_partials(of.sight, of.C_b_i, of.at.w_ib_b),
+        lever_partials(of.sight, of.C_b_i, of.motion.w_ib_b),
     )
 
 

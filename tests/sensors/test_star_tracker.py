@@ -12,7 +12,7 @@ from lvnav_trade.kernels.earth import SEMI_MAJOR
 from lvnav_trade.kernels.strapdown import N_NAV, Q
 from lvnav_trade.quantities.frames import matrices, unit
 from lvnav_trade.sensors.jacobian_row import H_ATT, N_ENTRY
-from lvnav_trade.sensors.optics import axes_of, sun_direction
+from lvnav_trade.sensors.optics import boresight_quaternion, sun_direction
 from lvnav_trade.sensors.sensor import FlightView
 from lvnav_trade.sensors.star_tracker import StarTrackerCard, StarTrackerModel, fill, measure
 
@@ -36,7 +36,7 @@ def view(q_b_i=TRUE, r_i=(SEMI_MAJOR + 4e5, 0.0, 0.0), rate=(0.0, 0.0, 0.0)):
 
 def looking(direction, **place):
     """An attitude at which the boresight points in a direction of frame i, 400 km over the equator or elsewhere."""
-    return view(multiply(*axes_of(tuple(direction)), *conjugate(axes_of(BORESIGHT))), **place)
+    return view(multiply(*boresight_quaternion(tuple(direction)), *conjugate(boresight_quaternion(BORESIGHT))), **place)
 
 
 def conjugate(q):
@@ -49,7 +49,7 @@ def rows(errors, estimate=TRUE):
     measure(observed, card().truth(view())[0], *errors)
     H, z, nav = np.full((4, N_ENTRY), np.nan), np.full(4, np.nan), np.zeros(N_NAV)
     nav[Q : Q + 4] = estimate
-    known = np.pad(card().matched().known(view())[0], (0, 12))
+    known = np.pad(card().matched_model().filter_parameters(view())[0], (0, 12))
     fill(H, z, 1, observed, nav, known)
     assert np.isnan(H[0]).all()
     return H[1:], z[1:]
@@ -76,13 +76,13 @@ def test_noise_is_across_and_about_the_boresight_in_truth_and_in_the_matched_mod
     one = card(low_frequency="2 arcsec", low_frequency_time="60 s")
     arcsec = math.pi / 648000.0
     np.testing.assert_allclose(one.noise_sigma(view()), arcsec * np.array([[5.0, 5.0, 50.0]]))
-    np.testing.assert_allclose(one.matched().variance(view()), (arcsec * np.array([[5.0, 5.0, 50.0]])) ** 2)
-    constant, slow = one.lasting()
+    np.testing.assert_allclose(one.matched_model().variance(view()), (arcsec * np.array([[5.0, 5.0, 50.0]])) ** 2)
+    constant, slow = one.correlated_errors()
     assert (constant.sigma, constant.time_constant) == (0.0, math.inf)
     assert (slow.sigma, slow.time_constant) == (pytest.approx(2.0 * arcsec), 60.0)
     np.testing.assert_array_equal(slow.partials(view(), 3)[0], np.eye(3))
-    assert one.matched().time_constant("low_frequency") == 60.0
-    assert one.matched().time_constant("misalignment") == math.inf
+    assert one.matched_model().time_constant("low_frequency") == 60.0
+    assert one.matched_model().time_constant("misalignment") == math.inf
 
 
 def test_the_sun_blinds_it_within_its_angle_unless_the_earth_hides_it():
@@ -91,23 +91,23 @@ def test_the_sun_blinds_it_within_its_angle_unless_the_earth_hides_it():
     for off, expected in ((0.0, False), (29.9, False), (30.1, True), (150.0, True)):
         direction = np.cos(np.radians(off)) * sun + np.sin(np.radians(off)) * side
         at = looking(direction, r_i=(SEMI_MAJOR + 4e5) * side)
-        assert card(sun_exclusion="30 deg").available(at).tolist() == [expected]
-        assert card().available(at).all()
+        assert card(sun_exclusion="30 deg").is_available(at).tolist() == [expected]
+        assert card().is_available(at).all()
     behind = looking(sun, r_i=-(SEMI_MAJOR + 4e5) * sun)
-    assert card(sun_exclusion="30 deg").available(behind).all()
+    assert card(sun_exclusion="30 deg").is_available(behind).all()
 
 
 def test_the_limb_of_the_earth_is_where_its_edge_is_seen():
     limb = math.degrees(math.asin(SEMI_MAJOR / (SEMI_MAJOR + 4e5)))  # 70 deg off the nadir at 400 km
     for off, expected in ((0.0, False), (limb + 19.9, False), (limb + 20.1, True), (180.0, True)):
         at = looking((-math.cos(math.radians(off)), 0.0, math.sin(math.radians(off))))
-        assert card(limb_exclusion="20 deg").available(at).tolist() == [expected]
+        assert card(limb_exclusion="20 deg").is_available(at).tolist() == [expected]
 
 
 def test_it_has_no_solution_while_the_body_turns_too_fast():
     for rate, expected in ((1.9, True), (2.1, False)):
         turning = view(rate=np.radians(rate) * unit(np.array([1.0, 1.0, 1.0])))
-        assert card(highest_rate="2 deg/s").available(turning).tolist() == [expected]
+        assert card(highest_rate="2 deg/s").is_available(turning).tolist() == [expected]
 
 
 @pytest.mark.parametrize(
@@ -128,5 +128,5 @@ def test_what_makes_no_sense_is_refused(fields, reported):
 
 def test_a_filter_has_its_own_idea_of_the_mounting():
     other = StarTrackerModel.model_validate({"across": "1 arcsec", "about": "1 arcsec", "boresight": (0.0, 0.0, 1.0)})
-    np.testing.assert_allclose(other.known(view())[0], axes_of((0.0, 0.0, 1.0)))
-    assert np.abs(other.known(view())[0] - axes_of(BORESIGHT)).max() > 0.1
+    np.testing.assert_allclose(other.filter_parameters(view())[0], boresight_quaternion((0.0, 0.0, 1.0)))
+    assert np.abs(other.filter_parameters(view())[0] - boresight_quaternion(BORESIGHT)).max() > 0.1

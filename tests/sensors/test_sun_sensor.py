@@ -61,7 +61,7 @@ def rows(true, estimate, errors=(0.0, 0.0), one=None):
     observed, H, z, nav = np.zeros(4), np.full((3, N_ENTRY), np.nan), np.full(3, np.nan), np.zeros(N_NAV)
     measure(observed, one.truth(view(true))[0], *errors)
     nav[Q : Q + 4] = estimate
-    fill(H, z, 1, observed, nav, one.matched().known(view(true))[0])
+    fill(H, z, 1, observed, nav, one.matched_model().filter_parameters(view(true))[0])
     assert np.isnan(H[0]).all()
     return H[1:], z[1:]
 
@@ -101,7 +101,7 @@ def test_it_is_mounted_along_its_boresight_and_sees_as_far_as_its_field():
             turn = np.cross(seen, SUN)
             half = 0.5 * math.atan2(np.linalg.norm(turn), seen @ SUN)
             at = view(np.concatenate([[math.cos(half)], math.sin(half) * unit(turn)]))
-            assert one.available(at).tolist() == [expected]
+            assert one.is_available(at).tolist() == [expected]
             x, y = np.tan(one.truth(at)[0])
             assert off > 90.0 or math.hypot(x, y) == pytest.approx(math.tan(math.radians(off)), rel=1e-9)
 
@@ -123,19 +123,19 @@ def test_it_measures_where_every_line_to_the_rim_of_the_sun_misses_the_earth():
     found = []
     for off in np.radians(places):
         r_i = (RADIUS + 4e5) * (math.cos(off) * SUN + math.sin(off) * side)
-        found.append(bool(card().available(view(facing(10.0, 0.0), r_i))[0]))
+        found.append(bool(card().is_available(view(facing(10.0, 0.0), r_i))[0]))
         assert found[-1] == rim_is_seen(r_i), math.degrees(off)
     assert found == [True] * 5 + [False] * 7
 
 
 def test_noise_and_bias_are_of_each_angle():
     one = card(bias="0.1 deg", bias_time="100 s")
-    (bias,) = one.lasting()
+    (bias,) = one.correlated_errors()
     assert (bias.sigma, bias.time_constant, bias.labels) == (pytest.approx(math.radians(0.1)), 100.0, ("alpha", "beta"))
     np.testing.assert_array_equal(bias.partials(view(facing(1.0, 0.0)), 2)[0], np.eye(2))
-    assert one.matched().time_constant("bias") == 100.0
-    np.testing.assert_allclose(one.matched().variance(view(facing(1.0, 0.0))), math.radians(0.05) ** 2)
-    assert math.isinf(card().lasting()[0].time_constant)
+    assert one.matched_model().time_constant("bias") == 100.0
+    np.testing.assert_allclose(one.matched_model().variance(view(facing(1.0, 0.0))), math.radians(0.05) ** 2)
+    assert math.isinf(card().correlated_errors()[0].time_constant)
 
 
 @pytest.mark.parametrize(
@@ -171,11 +171,11 @@ def sunlit(*settings, measurements=("sun_direction",), sensor=None, **fields):
 @pytest.mark.parametrize("n", [1, 16])
 def test_attitude_is_known_across_the_sun_and_not_about_it(n):
     start, sigma = math.radians(0.3), math.radians(0.05)
-    prepared = prepare_hop(sunlit(**QUIET, **{"initial.tilt": "0.3 deg", "initial.heading": "0.3 deg"}), still())
-    cov, t = covariance(prepared), prepared.t_epoch[n - 1]
-    at = motion(prepared.trajectory, np.array([t]))
-    theta = earth_angle(prepared.trajectory.theta0, np.array([t]))
-    sun = sun_direction(prepared.trajectory.epoch, np.array([t]), theta)[0]
+    prepared_case = prepare_hop(sunlit(**QUIET, **{"initial.tilt": "0.3 deg", "initial.heading": "0.3 deg"}), still())
+    cov, t = covariance(prepared_case), prepared_case.t_epoch[n - 1]
+    at = motion(prepared_case.trajectory, np.array([t]))
+    theta = earth_angle(prepared_case.trajectory.theta0, np.array([t]))
+    sun = sun_direction(prepared_case.trajectory.epoch, np.array([t]), theta)[0]
     body = matrices(at.q_b_i)[0].T @ sun
 
     def seen(turn):
@@ -200,12 +200,12 @@ def test_both_engines_agree_whatever_the_filter_makes_of_the_bias(states):
     lasting = {"bias": "0.1 deg", "bias_time": "30 s"}
     coarse = {"initial.tilt": "0.3 deg", "initial.heading": "0.3 deg"}
     case = sunlit(LOOSE, measurements=measurements, sensor=lasting, **coarse, **{"filter.extra_states": states})
-    prepared = prepare_hop(case)
-    assert prepared.sensors.on.all()
-    cov, _ = agree(prepared, [0, 1, 2, 3, 4, 5])
+    prepared_case = prepare_hop(case)
+    assert prepared_case.sensors.is_measuring.all()
+    cov, _ = agree(prepared_case, [0, 1, 2, 3, 4, 5])
     budget = dict(zip(cov.sources, cov.budget[-1], strict=True))
     assert {"sun sensor bias", "sun sensor noise"} < set(budget)
     if states:
-        np.testing.assert_allclose(cov.formal[-1, :3], cov.true_sigma[-1, :3], rtol=1e-3)
+        np.testing.assert_allclose(cov.formal_sigma[-1, :3], cov.true_sigma[-1, :3], rtol=1e-3)
     else:
-        assert np.any(cov.formal[-1, :3] < 0.7 * cov.true_sigma[-1, :3])
+        assert np.any(cov.formal_sigma[-1, :3] < 0.7 * cov.true_sigma[-1, :3])

@@ -11,8 +11,8 @@ from tests.simulation.test_imu_redundancy import three
 
 def test_the_covariance_grows_by_the_noise_and_the_change_of_bias_of_the_mean_of_two_in_place_of_three():
     """White noise by N^2 (1/2 - 1/3) t; the bias by s^2 (2 (1/2 - 1/3)^2 + 1/9), and by its walk as white noise."""
-    prepared = three(parity={})
-    model, units = prepared.model, prepared.options.units
+    prepared_case = three(parity={})
+    model, units = prepared_case.model, prepared_case.options.imu_array
     redundancy, seconds = units.redundant, 2.0
     before = redundancy.mean[0]
     solved = np.where(np.arange(3)[:, None, None, None] < 2, 1.5 * before, 0.0)

@@ -46,7 +46,7 @@ def test_compiled_and_interpreted_code_fly_the_same_run(kind, tmp_path):
         check=True, cwd=ROOT, timeout=300,
         env={**os.environ, "NUMBA_DISABLE_JIT": "1", "PYTHONPATH": str(ROOT)},
     )  # fmt: skip
-    block, other = run_block(brief(kind), 5, 2, 1, lanes=False), np.load(file)
+    block, other = run_block(brief(kind), 5, 2, 1, uses_lanes=False), np.load(file)
     # the compiler keeps the order of operations: what may differ is the last bit of a library function
     for name in ("err", "sigma"):
         off = np.abs(getattr(block, name) - other[name]) / block.sigma
@@ -57,9 +57,9 @@ def test_compiled_and_interpreted_code_fly_the_same_run(kind, tmp_path):
 
 
 def scene(settings=()):
-    prepared = case(*settings)
-    work, _ = new_work(prepared, lanes=False)
-    return prepared, work
+    prepared_case = case(*settings)
+    work, _ = new_work(prepared_case, uses_lanes=False)
+    return prepared_case, work
 
 
 PERFECT_RECEIVER = {
@@ -83,9 +83,9 @@ def perfect(*settings, lever=(0.0, 0.0, 0.0)):
     return scenario.model_copy(update={"imu": imu, "receiver": receiver, "initial": initial, "filter": card})
 
 
-def _text(prepared, which):
-    imu, _, initial = filter_models(prepared.scenario)
-    return {"imu": imu, "receiver": assumed_receiver(prepared.scenario), "initial": initial}[which].model_dump(
+def _text(prepared_case, which):
+    imu, _, initial = filter_models(prepared_case.scenario)
+    return {"imu": imu, "receiver": assumed_receiver(prepared_case.scenario), "initial": initial}[which].model_dump(
         mode="json"
     )
 

@@ -21,8 +21,8 @@ def test_units_draw_errors_of_their_own_and_the_first_those_of_a_unit_alone():
     alone, pair = prepare_hop(scenario), prepare_hop(with_units(scenario, [{}, {}]))
     n = alone.unit.sources.size
     assert np.array_equal(pair.unit.sources[:n], alone.unit.sources)
-    assert pair.options.units.noise_sources[0] == alone.unit.noise_source
-    words = {*pair.unit.sources.tolist(), *pair.options.units.noise_sources.tolist()}
+    assert pair.options.imu_array.noise_sources[0] == alone.unit.noise_source
+    words = {*pair.unit.sources.tolist(), *pair.options.imu_array.noise_sources.tolist()}
     assert len(words) == pair.unit.sources.size + 2
 
 
@@ -30,7 +30,7 @@ def test_a_lever_arm_that_is_compensated_leaves_in_a_run_what_the_mean_of_linear
     units = [{}, {"lever_arm": ["2 m", "1 m", "-1 m"]}]
     still = {"gyro": {"random_walk": "1e-9 rad/s**0.5"}, "accel": {"random_walk": "1e-6 m/s**1.5"}}
     scenario = with_units(loaded(INERTIAL, *IDEAL), [still | unit for unit in units])
-    prepared = prepare_hop(scenario)
-    found, block = covariance(prepared), run_block(prepared, 5, 0, 1)
+    prepared_case = prepare_hop(scenario)
+    found, block = covariance(prepared_case), run_block(prepared_case, 5, 0, 1)
     off = np.abs(block.err[0, 1:, 3:6] - found.mean[1:, 3:6]) / np.maximum(found.true_sigma[1:, 3:6], 1e-9)
     assert np.max(off) < 5.0

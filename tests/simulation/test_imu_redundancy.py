@@ -79,23 +79,25 @@ def walks(fields, faults=()):
     ids=["tested, gyro", "middle and tested, dead axis", "middle", "middle, gyro"],
 )
 def test_runs_are_what_linear_covariance_says(fields, faults):
-    prepared = three(*faults, **fields)
-    found, block = covariance(prepared), run_block(prepared, 5, 0, RUNS)
+    prepared_case = three(*faults, **fields)
+    found, block = covariance(prepared_case), run_block(prepared_case, 5, 0, RUNS)
     spread, mean = block.err.std(axis=0), block.err.mean(axis=0)
-    at = [hist for hist in range(1, prepared.t_hist.size) if abs(prepared.t_hist[hist] - 10.0) > 1.5]
+    at = [hist for hist in range(1, prepared_case.t_hist.size) if abs(prepared_case.t_hist[hist] - 10.0) > 1.5]
     sigma = found.true_sigma[at, :9]
     ratio = spread[at, :9] / sigma
     assert np.all(np.abs(ratio - 1.0) < 5.0 / math.sqrt(2.0 * RUNS))
     assert np.abs(ratio - 1.0).mean() < 0.06
     assert np.all(np.abs(mean[at, :9] - found.mean[at, :9]) < 5.0 * sigma / math.sqrt(RUNS))
     if "parity" in fields:
-        units = prepared.options.units
-        when = prepared.unit.start + prepared.unit.dt * int(np.argmax(units.stage != units.stage_without_exclusion))
+        units = prepared_case.options.imu_array
+        when = prepared_case.unit.start + prepared_case.unit.dt * int(
+            np.argmax(units.stage != units.stage_without_exclusion)
+        )
         run, t, kind, code = block.decisions.T
         assert len(block.decisions) == RUNS == np.unique(run).size
         assert set(kind) == {OF_UNIT}
         assert set(code) == {-2.0 - (faults[0].unit - 1)}
-        assert np.all(np.abs(t - when) < prepared.scenario.imu.parity.window + 1e-9)
+        assert np.all(np.abs(t - when) < prepared_case.scenario.imu.parity.window + 1e-9)
 
 
 def test_a_random_walk_after_an_exclusion_is_that_of_the_units_that_are_left():
@@ -126,26 +128,26 @@ def test_alarms_without_a_fault_are_as_many_as_stated():
 @pytest.mark.parametrize("fault", [STEP, DEAD], ids=["gyro", "accelerometer"])
 def test_a_filter_knows_what_the_mean_of_the_units_left_is_worth(fault):
     """Formal and true covariance are one for a filter that models everything, before and after an exclusion."""
-    prepared, whole = three(fault, parity={}), three(parity={})
-    history, without = covariance(prepared), covariance(whole)
+    prepared_case, whole = three(fault, parity={}), three(parity={})
+    history, without = covariance(prepared_case), covariance(whole)
     after = (history.t > 11.5) & (history.t < 40.0)
-    np.testing.assert_allclose(history.formal[after], history.true_sigma[after], rtol=2e-3)
+    np.testing.assert_allclose(history.formal_sigma[after], history.true_sigma[after], rtol=2e-3)
     sensor = "gyro_bias" if fault is STEP else "accel_bias"
-    states = [k for k, output in enumerate(prepared.outputs) if output.quantity == sensor]
-    assert np.all(history.formal[after][:, states] > 1.05 * without.formal[after][:, states])
-    block = run_block(prepared, 5, 0, 16)
+    states = [k for k, output in enumerate(prepared_case.outputs) if output.quantity == sensor]
+    assert np.all(history.formal_sigma[after][:, states] > 1.05 * without.formal_sigma[after][:, states])
+    block = run_block(prepared_case, 5, 0, 16)
     np.testing.assert_allclose(
-        block.sigma[:, after].mean(axis=0), history.formal[after], rtol=5e-2
+        block.sigma[:, after].mean(axis=0), history.formal_sigma[after], rtol=5e-2
     )  # a dead axis moves what runs are linearised at
 
 
 PRIME = {"selection": "prime", "hand_over": "20 s"}
 
 
-def spread_over_sigma(prepared, skipped=()):
+def spread_over_sigma(prepared_case, skipped=()):
     """Standard deviation of the runs over the true sigma at the history times, those near a fault left out."""
-    found, block = covariance(prepared), run_block(prepared, 5, 0, RUNS)
-    away = [k for k, t in enumerate(prepared.t_hist) if k and all(abs(t - at) > 1.5 for at in skipped)]
+    found, block = covariance(prepared_case), run_block(prepared_case, 5, 0, RUNS)
+    away = [k for k, t in enumerate(prepared_case.t_hist) if k and all(abs(t - at) > 1.5 for at in skipped)]
     sigma = found.true_sigma[away, :9]
     assert np.all(np.abs(block.err.mean(axis=0)[away, :9] - found.mean[away, :9]) < 5.0 * sigma / math.sqrt(RUNS))
     return block, block.err.std(axis=0)[away, :9] / sigma
@@ -199,4 +201,4 @@ def test_a_filter_knows_what_a_hand_over_does_to_its_biases():
     """Formal and true covariance are one for a filter that models everything, before and after the hand-over."""
     history = covariance(two(**PRIME))
     away = (np.abs(history.t - 20.0) > 0.5) & (history.t > 0.0)
-    np.testing.assert_allclose(history.formal[away], history.true_sigma[away], rtol=5e-3)
+    np.testing.assert_allclose(history.formal_sigma[away], history.true_sigma[away], rtol=5e-3)

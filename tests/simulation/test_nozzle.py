@@ -11,7 +11,7 @@ from lvnav_trade.campaign.reading.load import load
 from lvnav_trade.campaign.syntax.card_lookup import campaign_file
 from lvnav_trade.quantities.errors import InputError
 from lvnav_trade.simulation import nozzle as room
-from lvnav_trade.simulation.nozzle import FEEDS, controlled
+from lvnav_trade.simulation.nozzle import FEEDS, nozzle_statistics
 from lvnav_trade.trajectory.guided.autopilot import MOVED, TICKS
 from tests.trajectory.guided.launches import fly_steady, steady_launch
 
@@ -31,7 +31,7 @@ def found(scenario):
         patch.object(room, "fly_missions", fly_steady),
         patch.object(room, "_burns_of", lambda _: [(0.0, 20.0)]),
     ):
-        return controlled(scenario, 3, 4), launch
+        return nozzle_statistics(scenario, 3, 4), launch
 
 
 def test_missions_are_those_of_the_loop_on_the_campaigns_draws(scenario, found):
@@ -54,12 +54,12 @@ def test_the_filtered_rate_errs_as_little_as_its_filter_assumes_and_moves_the_no
     assert (raw[:, 6] < 1.06 * raw[:, 7]).all()
     assert (filtered[:, 6] < 1.2 * filtered[:, 7]).all()
     assert (missions.total[1, :, 0] < missions.total[0, :, 0]).all()
-    inside = missions.shown[..., 0] / missions.shown[..., 1]
+    inside = missions.bin_motion[..., 0] / missions.bin_motion[..., 1]
     assert np.abs(inside).max() == pytest.approx(missions.turning[1, :, 0, 3].max(), rel=0.5)
 
 
 def test_a_scenario_without_a_vehicle_under_control_has_none(scenario):
-    assert controlled(scenario.model_copy(update={"control": None}), 1, 1) is None
+    assert nozzle_statistics(scenario.model_copy(update={"control": None}), 1, 1) is None
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from lvnav_trade.campaign.definition.axes import Case
-from lvnav_trade.covariance.diagnostics.case_diagnostics import diagnose, flown_events
+from lvnav_trade.covariance.diagnostics.case_diagnostics import diagnose, flight_events
 from lvnav_trade.covariance.history import covariance
 from lvnav_trade.quantities.reads import FieldReads
 from lvnav_trade.quantities.records import CovarianceRequest
@@ -35,20 +35,20 @@ LATE = {"kind": "buffered"}
 def test_after_its_preparation_a_flight_reads_what_is_said_of_it_and_nothing_else(settings, fields, tmp_path: Path):
     scenario = with_fields(loaded(*settings), **fields)
     reads = FieldReads(scenario)
-    prepared = prepare_hop(reads.card)
+    prepared_case = prepare_hop(reads.card)
     before = frozenset(reads.paths)
     reads.paths.clear()
-    history = covariance(prepared)
-    runs = run_block(prepared, 1, 0, 8)
-    summary = summarise(runs, flown_events(prepared), history.true_sigma, prepared.outputs)
+    history = covariance(prepared_case)
+    runs = run_block(prepared_case, 1, 0, 8)
+    summary = summarise(runs, flight_events(prepared_case), history.true_sigma, prepared_case.outputs)
     behind = diagnose(
-        reads.card, prepared, history, CovarianceRequest(error_bound="sensors" not in fields, window=10.0)
+        reads.card, prepared_case, history, CovarianceRequest(error_bound="sensors" not in fields, window=10.0)
     )
     results = open_results(tmp_path / "results", "study", "", {}, "fresh")
     case = Case("0" * 12, "base", {}, reads.card)
-    results.write_case(case, prepared, history, [summary], behind, start_draws(prepared, 1, 8))
+    results.write_case(case, prepared_case, history, [summary], behind, start_draws(prepared_case, 1, 8))
     after = frozenset(reads.paths)
-    found = effective_settings(prepared, before)
+    found = effective_settings(prepared_case, before)
     later = {path for path in after - before if path.rpartition(".")[2] not in ("kind", "name", "source")}
     assert "filter.feedback" in after
-    assert later <= set(found.whole)
+    assert later <= set(found.complete_settings)

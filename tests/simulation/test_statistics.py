@@ -156,7 +156,7 @@ def test_a_missing_innovation_makes_no_pair():
 
 def test_sigma_of_the_filter_is_averaged_as_variance():
     summary = parts([0, 40])[0]
-    np.testing.assert_allclose(np.sqrt(summary.sigma_squares[:, :10] / 40), COV.formal, rtol=1e-12)
+    np.testing.assert_allclose(np.sqrt(summary.sigma_squares[:, :10] / 40), COV.formal_sigma, rtol=1e-12)
     assert SIGMA.size == 10
 
 

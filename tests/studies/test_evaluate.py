@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 
 from lvnav_studies.claims import Term
-from lvnav_studies.evaluate import bounds, case_named, locus, where_bound
+from lvnav_studies.evaluate import bound_crossing, bounds, case_text, locus
 from lvnav_studies.rows import claim_rows
 from lvnav_trade.api.measures import COLUMNS, FAILS, HOLDS, ExpressionValue
 from lvnav_trade.results.tables.read import load
@@ -22,7 +22,7 @@ NAMES = (
     "events",
     "outputs",
     "labels",
-    "people",
+    "display_units",
     "interval_errors",
     "consistency",
     "campaign",
@@ -149,11 +149,11 @@ def test_without_runs_linear_covariance_decides_and_says_so(alone):
 
 def test_where_a_bound_is_reached_is_interpolated_between_levels():
     values = [(f"{x} m/s", ExpressionValue(np.nan, y, *[np.nan] * 3, 0, ())) for x, y in ((0.1, 0.8), (0.01, 0.4))]
-    assert where_bound(values, np.nan, 0.6) == "0.0316 m/s"  # half way of the logarithm
-    assert where_bound(values, np.nan, 0.9) == ""
+    assert bound_crossing(values, np.nan, 0.6) == "0.0316 m/s"  # half way of the logarithm
+    assert bound_crossing(values, np.nan, 0.9) == ""
     formal = [(f"{x} deg", ExpressionValue(y, 0.5, *[np.nan] * 3, 0, ())) for x, y in ((0.1, 0.8), (0.01, 0.4))]
-    assert where_bound(formal, np.nan, 0.6) == ""  # the true error never does
-    assert where_bound(formal, np.nan, 0.6, ["formal", "true"]) == "0.0316 deg (formal)"
+    assert bound_crossing(formal, np.nan, 0.6) == ""  # the true error never does
+    assert bound_crossing(formal, np.nan, 0.6, ["formal", "true"]) == "0.0316 deg (formal)"
 
 
 def test_the_bound_of_a_nees_is_that_of_its_runs():
@@ -230,4 +230,4 @@ def test_a_ratio_to_the_filters_own_sigma_has_the_bounds_of_so_many_runs(good, w
     ],
 )
 def test_a_reading_is_named_by_the_axis_that_is_varied(stated, levels, named):
-    assert case_named(stated, levels) == named
+    assert case_text(stated, levels) == named

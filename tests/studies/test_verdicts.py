@@ -5,7 +5,7 @@ from __future__ import annotations
 import pandas as pd
 import pytest
 
-from lvnav_studies.claims import Elsewhere, OfStudy, Statement
+from lvnav_studies.claims import ExternalNumber, Statement, StudyStatements
 from lvnav_studies.verdicts import further_rows, verdicts
 from lvnav_trade.api.measures import COLUMNS
 from lvnav_trade.report.blocks import Table, Text
@@ -22,7 +22,7 @@ ROWS = [
 
 def test_statements_are_counted_by_number_and_stand_in_the_order_of_their_numbers() -> None:
     bound = {"source": "x", "item": "#5 fifth", "value": "a", "terms": {"a": SIZE}, "at_most": 1.0}
-    study = OfStudy.model_validate({"not_set_up": [{"source": "x", "item": "#4 fourth"}]})
+    study = StudyStatements.model_validate({"not_set_up": [{"source": "x", "item": "#4 fourth"}]})
     further = further_rows(study, {"later": [Statement.model_validate(bound)]})
     assert [row["remark"] for row in further] == ["", "campaign later"]
     blocks = verdicts(pd.DataFrame([*ROWS[1:], *further], columns=COLUMNS))
@@ -51,15 +51,15 @@ def test_a_row_without_an_answer_does_not_count_for_a_statement_that_has_one(ans
 
 def test_a_study_without_statements_says_nothing_of_them() -> None:
     assert verdicts(pd.DataFrame([], columns=COLUMNS)) == []
-    assert further_rows(OfStudy(), {}) == []
+    assert further_rows(StudyStatements(), {}) == []
 
 
 def test_a_number_from_elsewhere_has_its_verdict_and_says_where_it_is_from() -> None:
     stated = {"id": "cost", "source": "x", "item": "#29 cost", "value": 3.5, "at_least": 2.0, "remark": "benchmark"}
-    study = OfStudy.model_validate({"elsewhere": [stated, stated | {"value": 1.5}]})
+    study = StudyStatements.model_validate({"elsewhere": [stated, stated | {"value": 1.5}]})
     assert [(row["monte_carlo"], row["verdict"], row["remark"]) for row in further_rows(study, {})] == [
         (3.5, "holds", "benchmark"), (1.5, "does not hold here", "benchmark")
     ]  # fmt: skip
     for wrong in ({"remark": ""}, {"at_least": None}):
         with pytest.raises(ValueError, match=r"bound|from"):
-            Elsewhere.model_validate(stated | wrong)
+            ExternalNumber.model_validate(stated | wrong)

@@ -14,7 +14,7 @@ from lvnav_trade.quantities.errors import InputError
 from lvnav_trade.quantities.frames import matrices
 from lvnav_trade.trajectory.attitude_algebra import product, rotation_quaternions
 from lvnav_trade.trajectory.disturbances import OscillationCard, SmallMotion, oscillations, small_motion
-from lvnav_trade.trajectory.truth import Trajectory, motion, oscillating, reference
+from lvnav_trade.trajectory.truth import Trajectory, add_oscillations, motion, reference
 from tests.building import flight, turning
 
 G = 9.80665
@@ -40,7 +40,7 @@ def pushed(duration=20.0):
 
 
 def laid_over(nominal, *cards):
-    return oscillating(nominal, oscillations(cards, EVENTS, (nominal.start, nominal.end)))
+    return add_oscillations(nominal, oscillations(cards, EVENTS, (nominal.start, nominal.end)))
 
 
 def drift(trajectory, rate, first, last, compensate):

@@ -6,7 +6,7 @@ import pytest
 
 from lvnav_trade.campaign.reading.flights import read_card
 from lvnav_trade.quantities.errors import InputError
-from lvnav_trade.trajectory.export import COLUMNS, difference, exported
+from lvnav_trade.trajectory.export import COLUMNS, difference, export_trajectory
 from lvnav_trade.trajectory.files.columns import TableTrajectory
 from lvnav_trade.trajectory.flight import build
 from tests.trajectory.flight_cases import CONFIGS
@@ -14,7 +14,7 @@ from tests.trajectory.flight_cases import CONFIGS
 
 def again(name, folder, rate=10.0):
     card = read_card(str(CONFIGS / f"trajectories/{name}.yaml"), folder)
-    found = exported(card, str(folder / "rows.csv"), "again", rate)
+    found = export_trajectory(card, str(folder / "rows.csv"), "again", rate)
     (folder / "rows.csv").write_text(found.text)
     return found, build(TableTrajectory.model_validate(found.card))
 
@@ -50,7 +50,7 @@ def test_coarser_rows_differ_by_more(tmp_path):
 
 def test_oscillations_stay_in_the_card_and_out_of_the_rows(tmp_path):
     card = read_card(str(CONFIGS / "trajectories/shefex2_class.yaml"), tmp_path)
-    found = exported(card, str(tmp_path / "rows.csv"), "again", 10.0)
+    found = export_trajectory(card, str(tmp_path / "rows.csv"), "again", 10.0)
     assert len(found.card["oscillation"]) == len(card.oscillation) > 0
     assert not any(phase.oscillations for phase in found.flight.phases)
     (tmp_path / "rows.csv").write_text(found.text)
@@ -62,7 +62,7 @@ def test_oscillations_stay_in_the_card_and_out_of_the_rows(tmp_path):
 def test_a_rate_that_cannot_be_is_refused(rate, why, tmp_path):
     card = read_card(str(CONFIGS / "trajectories/two_stage_leo.yaml"), tmp_path)
     with pytest.raises(InputError, match=why):
-        exported(card, "rows.csv", "again", rate)
+        export_trajectory(card, "rows.csv", "again", rate)
 
 
 def test_the_columns_are_those_of_the_shipped_example():

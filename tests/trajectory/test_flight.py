@@ -84,7 +84,7 @@ def test_named_times_are_events_and_change_nothing_else():
     found = build(card)
     assert found.events == calm.events | {"minute": 60.0, "burning": calm.events["stage2_ignition"] + 20.0}
     assert list(found.events.values()) == sorted(found.events.values())
-    assert found.course.begin(60.0) == calm.course.begin(60.0)
+    assert found.flight_profile.begin(60.0) == calm.flight_profile.begin(60.0)
     for one, other in zip(motion(found, [60.0]), motion(calm, [60.0]), strict=True):
         assert np.array_equal(one, other)
     assert identity(card) == identity(ascent_card())

@@ -178,7 +178,7 @@ def spinning(frequency="1.7 Hz", attitude=None):
     flight = building.flight([(20.0, lambda t: force)], still)
     step = SpinStep.model_validate({"at": "2 s", "frequency": frequency, "over": "3 s"})
     spin = spin_angle((step,), {}, 0.0, 20.0)
-    phases = tuple(phase._replace(spin=spin) for phase in flight.phases)
+    phases = tuple(phase._replace(roll_angle=spin) for phase in flight.phases)
     return Trajectory(phases, flight.events, flight.theta0, flight.epoch), force, spin
 
 

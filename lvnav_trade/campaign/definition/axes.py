@@ -14,8 +14,8 @@ from lvnav_trade.campaign.definition.case_digest import case_id
 from lvnav_trade.campaign.definition.schema import Axis, Campaign
 from lvnav_trade.campaign.syntax.tree import is_index
 from lvnav_trade.quantities import expression
-from lvnav_trade.quantities.marks import unmarked
-from lvnav_trade.scenario.rules import breaches_of_case
+from lvnav_trade.quantities.marks import without_field_marks
+from lvnav_trade.scenario.rules import case_breaches
 from lvnav_trade.scenario.scenario import Scenario
 
 BASE_LABEL = "base"
@@ -30,7 +30,7 @@ _LONG = re.compile(
 )  # a number with many digits, followed by its unit
 
 
-Chosen = tuple[int | None, ...]
+LevelIndices = tuple[int | None, ...]
 """Index of the level of every axis; None is the value of the base."""
 
 
@@ -43,10 +43,10 @@ class Case(NamedTuple):
     scenario: Scenario  # complete settings
 
 
-def levels(design: str, sizes: Sequence[int], crossed: Sequence[int] = ()) -> Iterator[Chosen]:
+def levels(design: str, sizes: Sequence[int], crossed_axes: Sequence[int] = ()) -> Iterator[LevelIndices]:
     """Yield for each case the level of every axis; None is the value of the base.
 
-    In the design one_at_a_time, the axes with the indices `crossed` take each of their levels in every case of the
+    In the design one_at_a_time, the axes with the indices `crossed_axes` take each of their levels in every case of the
     other axes.
 
     Parameters
@@ -55,7 +55,7 @@ def levels(design: str, sizes: Sequence[int], crossed: Sequence[int] = ()) -> It
         Design of the campaign, such as grid, zip or one_at_a_time.
     sizes : sequence of int
         Number of levels of each axis.
-    crossed : sequence of int
+    crossed_axes : sequence of int
         Indices of the crossed axes.
     """
     if not sizes:
@@ -66,14 +66,14 @@ def levels(design: str, sizes: Sequence[int], crossed: Sequence[int] = ()) -> It
         for index in range(sizes[0]):
             yield (index,) * len(sizes)
     else:
-        at_base: list[Sequence[int | None]] = [
-            range(size) if axis in crossed else (None,) for axis, size in enumerate(sizes)
+        base_ranges: list[Sequence[int | None]] = [
+            range(size) if axis in crossed_axes else (None,) for axis, size in enumerate(sizes)
         ]
-        yield from itertools.product(*at_base)
+        yield from itertools.product(*base_ranges)
         for axis, size in enumerate(sizes):
-            if axis not in crossed:
-                one_varied = [*at_base[:axis], range(size), *at_base[axis + 1 :]]
-                yield from itertools.product(*one_varied)
+            if axis not in crossed_axes:
+                case_ranges = [*base_ranges[:axis], range(size), *base_ranges[axis + 1 :]]
+                yield from itertools.product(*case_ranges)
 
 
 def combinations(
@@ -82,7 +82,7 @@ def combinations(
     exclude: Sequence[Mapping[str, str | Sequence[str]]] = (),
     constraints: Sequence[str] = (),
     base: Mapping[str, Any] | None = None,
-) -> list[Chosen]:
+) -> list[LevelIndices]:
     """Return for each case the level of every axis, as `levels`.
 
     Cases that are excluded or violate a constraint are omitted, and so are cases that equal another because of `when`.
@@ -102,51 +102,53 @@ def combinations(
     """
     names = axis_names(axes)  # once: a design space has up to 100 000 cases
     sizes = [len(axis.values or axis.cards or ()) for axis in axes]
-    crossed = [number for number, axis in enumerate(axes) if axis.crossed]
-    remaining: dict[Chosen, None] = {}
-    for chosen in levels(design, sizes, crossed):
-        applied, labels = _applied_levels(axes, names, chosen)
-        if any(excluded and _has(labels, excluded) for excluded in exclude):
+    crossed_axes = [number for number, axis in enumerate(axes) if axis.crossed]
+    remaining_levels: dict[LevelIndices, None] = {}
+    for design_levels in levels(design, sizes, crossed_axes):
+        effective_levels, labels = _applied_levels(axes, names, design_levels)
+        if any(combination and _has_levels(labels, combination) for combination in exclude):
             continue
-        if all(_satisfies(constraint, axes, applied, base or {}) for constraint in constraints):
-            remaining.setdefault(applied)
-    return list(remaining)
+        if all(_satisfies(constraint, axes, effective_levels, base or {}) for constraint in constraints):
+            remaining_levels.setdefault(effective_levels)
+    return list(remaining_levels)
 
 
 def _applied_levels(
-    axes: Sequence[Axis], names: Sequence[str], chosen: Sequence[int | None]
-) -> tuple[Chosen, dict[str, str]]:
+    axes: Sequence[Axis], names: Sequence[str], design_levels: Sequence[int | None]
+) -> tuple[LevelIndices, dict[str, str]]:
     """Return the levels of a case and their labels; an axis whose `when` is not satisfied has the value of the base."""
-    labels = _labels(axes, names, chosen)
-    applied: list[int | None] = []
-    for axis, name, index in zip(axes, names, chosen, strict=True):
-        level = index if _has(labels, axis.when) else None
+    labels = _labels(axes, names, design_levels)
+    effective_levels: list[int | None] = []
+    for axis, name, index in zip(axes, names, design_levels, strict=True):
+        level = index if _has_levels(labels, axis.when) else None
         if level is None:
             labels[name] = BASE_LABEL
-        applied.append(level)
-    return tuple(applied), labels
+        effective_levels.append(level)
+    return tuple(effective_levels), labels
 
 
-def _has(labels: Mapping[str, str], wanted: Mapping[str, str | Sequence[str]]) -> bool:
-    """Whether every axis named has its level, or one of its levels."""
-    for name, permitted in wanted.items():
-        if labels.get(name) not in ([permitted] if isinstance(permitted, str) else permitted):
+def _has_levels(labels: Mapping[str, str], required_levels: Mapping[str, str | Sequence[str]]) -> bool:
+    """Whether each axis in `required_levels` has the level given there, or one of the levels."""
+    for name, permitted_labels in required_levels.items():
+        if labels.get(name) not in ([permitted_labels] if isinstance(permitted_labels, str) else permitted_labels):
             return False
     return True
 
 
 def sides(constraint: str) -> tuple[str, str, str]:
     """Return left side, comparison and right side of a constraint; ValueError if the text is not a comparison."""
-    parts = re.split(r"(<=|>=|<|>)", constraint)
-    if len(parts) != 3:
+    tokens = re.split(r"(<=|>=|<|>)", constraint)
+    if len(tokens) != 3:
         raise ValueError("should compare two expressions, such as 'update_rate <= covariance_rate'")
-    left_side, comparison, right_side = parts
+    left_side, comparison, right_side = tokens
     for side in (left_side, right_side):
         expression.names(side)
     return left_side, comparison, right_side
 
 
-def _satisfies(constraint: str, axes: Sequence[Axis], chosen: Sequence[int | None], base: Mapping[str, Any]) -> bool:
+def _satisfies(
+    constraint: str, axes: Sequence[Axis], level_indices: Sequence[int | None], base: Mapping[str, Any]
+) -> bool:
     """Whether a combination satisfies a constraint.
 
     Parameters
@@ -155,7 +157,7 @@ def _satisfies(constraint: str, axes: Sequence[Axis], chosen: Sequence[int | Non
         Comparison of two expressions in the names of axes.
     axes : sequence of Axis
         The axes.
-    chosen : sequence of int or None
+    level_indices : sequence of int or None
         Level of each axis; None is the value of the base.
     base : mapping
         Base scenario as plain data.
@@ -167,7 +169,7 @@ def _satisfies(constraint: str, axes: Sequence[Axis], chosen: Sequence[int | Non
     """
     left_side, comparison, right_side = sides(constraint)
     values = {}
-    for name, axis, index in zip(axis_names(axes), axes, chosen, strict=True):
+    for name, axis, index in zip(axis_names(axes), axes, level_indices, strict=True):
         values[name] = get(base, axis.steps) if index is None else (axis.values or ())[index]
     names = (*expression.names(left_side), *expression.names(right_side))
     numbers = {name: _number(name, values) for name in names}
@@ -197,14 +199,14 @@ def level_label(axis: Axis, index: int) -> str:
     value = values[index]
     if isinstance(value, Mapping):
         return str(value.get("name") or value.get("card") or index)
-    return "none" if value is None else _rounded(values)[index]
+    return "none" if value is None else _rounded_texts(values)[index]
 
 
-def _rounded(values: Sequence[Any]) -> list[str]:
+def _rounded_texts(values: Sequence[Any]) -> list[str]:
     """Return values as text, with numbers rounded to six digits unless this makes two values equal."""
-    exact = [str(value) for value in values]
-    rounded = [_LONG.sub(_six_digits, text) for text in exact]
-    return rounded if len(set(rounded)) == len(rounded) else exact
+    exact_texts = [str(value) for value in values]
+    rounded_texts = [_LONG.sub(_six_digits, text) for text in exact_texts]
+    return rounded_texts if len(set(rounded_texts)) == len(rounded_texts) else exact_texts
 
 
 def _six_digits(match: re.Match[str]) -> str:
@@ -221,22 +223,22 @@ def axis_names(axes: Sequence[Axis]) -> tuple[str, ...]:
     return tuple(names)
 
 
-def choice(axes: Sequence[Axis], chosen: Sequence[int | None]) -> dict[str, str]:
+def choice(axes: Sequence[Axis], level_indices: Sequence[int | None]) -> dict[str, str]:
     """Return the label of the level of a case, by name of the axis."""
-    return _labels(axes, axis_names(axes), chosen)
+    return _labels(axes, axis_names(axes), level_indices)
 
 
-def _labels(axes: Sequence[Axis], names: Sequence[str], chosen: Sequence[int | None]) -> dict[str, str]:
+def _labels(axes: Sequence[Axis], names: Sequence[str], level_indices: Sequence[int | None]) -> dict[str, str]:
     labels = {}
-    for name, axis, index in zip(names, axes, chosen, strict=True):
+    for name, axis, index in zip(names, axes, level_indices, strict=True):
         labels[name] = BASE_LABEL if index is None else level_label(axis, index)
     return labels
 
 
 def case_label(axes: Mapping[str, str]) -> str:
     """Return the label of a case."""
-    varied = [f"{name}={level}" for name, level in axes.items() if level != BASE_LABEL]
-    return ", ".join(varied) if varied else BASE_LABEL
+    varied_levels = [f"{name}={level}" for name, level in axes.items() if level != BASE_LABEL]
+    return ", ".join(varied_levels) if varied_levels else BASE_LABEL
 
 
 class _CaseCache:
@@ -274,10 +276,10 @@ def probes(campaign: Campaign) -> list[Case]:
     These are all cases of a campaign. For a design space they are the base and the two ends of each axis alone, without
     those with contradictory settings.
     """
-    checked = cases(campaign.probe)
+    probe_cases = cases(campaign.probe)
     if not campaign.is_space:
-        return checked
-    return [case for case in checked if not any(breaches_of_case(case.scenario))]
+        return probe_cases
+    return [case for case in probe_cases if not any(case_breaches(case.scenario))]
 
 
 def _distinct_cases(campaign: Campaign, scenarios: "Scenarios | None") -> list[Case]:
@@ -287,22 +289,22 @@ def _distinct_cases(campaign: Campaign, scenarios: "Scenarios | None") -> list[C
         scenarios = Scenarios([axis.steps[0] for axis in campaign.axes], campaign.base)
     contents: dict[int, tuple[BaseModel, Any]] = {}
     by_digest: dict[str, Case] = {}
-    for chosen in chosen_levels(campaign):
-        scenario = scenarios.known(chosen)
+    for level_indices in case_level_indices(campaign):
+        scenario = scenarios.find(level_indices)
         if scenario is None:
-            scenario = scenarios.validated(chosen, _changed(base, campaign.axes, chosen))
-        axes = choice(campaign.axes, chosen)
+            scenario = scenarios.validate(level_indices, _scenario_data(base, campaign.axes, level_indices))
+        axes = choice(campaign.axes, level_indices)
         digest = case_id(scenario, campaign.seed, campaign.keep.history, contents)
         by_digest.setdefault(digest, Case(digest, case_label(axes), axes, scenario))
     return list(by_digest.values())
 
 
-def _changed(base: Mapping[str, Any], axes: Sequence[Axis], chosen: Chosen) -> Any:
+def _scenario_data(base: Mapping[str, Any], axes: Sequence[Axis], level_indices: LevelIndices) -> Any:
     """Return the base as plain data, with the chosen levels of the axes put in."""
     data: Any = base
-    for axis, index in zip(axes, chosen, strict=True):
+    for axis, index in zip(axes, level_indices, strict=True):
         if index is not None:
-            data = put(data, axis.steps, (axis.values or ())[index])
+            data = with_value(data, axis.steps, (axis.values or ())[index])
     return data
 
 
@@ -311,64 +313,66 @@ class Scenarios:
 
     Parameters
     ----------
-    varied : sequence of str
+    varied_sections : sequence of str
         For each axis, the section of the scenario that it varies.
     base : Scenario, optional
         The scenario that the axes change; None if it is not valid without them.
-    plain : callable
+    to_plain : callable
         Converts a section as written in a file into dictionaries, lists and scalars.
     """
 
     def __init__(
         self,
-        varied: Sequence[str],
+        varied_sections: Sequence[str],
         base: Scenario | None = None,
-        plain: Callable[[Any], Any] = lambda written: written,
+        to_plain: Callable[[Any], Any] = lambda section: section,
     ) -> None:
-        self._varied = varied
-        self._plain = plain
-        self._scenarios: dict[Chosen, Scenario] = {}
-        self._sections: dict[tuple[str, Chosen], BaseModel] = {}
+        self._varied_sections = varied_sections
+        self._to_plain = to_plain
+        self._scenarios: dict[LevelIndices, Scenario] = {}
+        self._sections: dict[tuple[str, LevelIndices], BaseModel] = {}
         if base is not None:
-            self._keep((None,) * len(varied), base)
+            self._keep((None,) * len(varied_sections), base)
 
-    def known(self, chosen: Chosen) -> Scenario | None:
+    def find(self, level_indices: LevelIndices) -> Scenario | None:
         """Return the validated scenario with these levels of the axes, or None if there is none yet."""
-        return self._scenarios.get(chosen)
+        return self._scenarios.get(level_indices)
 
-    def validated(self, chosen: Chosen, written: Mapping[str, Any]) -> Scenario:
+    def validate(self, level_indices: LevelIndices, sections: Mapping[str, Any]) -> Scenario:
         """Validate the scenario with these levels from its sections as written; raises pydantic's ValidationError."""
         data = {}
-        for name, section in written.items():
-            validated_section = self._sections.get((name, self._section_levels(name, chosen)))
-            data[name] = self._plain(section) if validated_section is None else validated_section
+        for name, section in sections.items():
+            validated_section = self._sections.get((name, self._section_levels(name, level_indices)))
+            data[name] = self._to_plain(section) if validated_section is None else validated_section
         try:
             scenario = Scenario.model_validate(data)
         except ValidationError:  # again from the written values, so that the message quotes these
-            return Scenario.model_validate({name: self._plain(section) for name, section in written.items()})
-        self._keep(chosen, scenario)
+            return Scenario.model_validate({name: self._to_plain(section) for name, section in sections.items()})
+        self._keep(level_indices, scenario)
         return scenario
 
-    def _keep(self, chosen: Chosen, scenario: Scenario) -> None:
+    def _keep(self, level_indices: LevelIndices, scenario: Scenario) -> None:
         """Store a validated scenario and its sections."""
-        self._scenarios[chosen] = scenario
+        self._scenarios[level_indices] = scenario
         for name in type(scenario).model_fields:
             section = getattr(scenario, name)
             if isinstance(section, BaseModel):
-                self._sections.setdefault((name, self._section_levels(name, chosen)), section)
+                self._sections.setdefault((name, self._section_levels(name, level_indices)), section)
 
-    def _section_levels(self, name: str, chosen: Chosen) -> Chosen:
+    def _section_levels(self, name: str, level_indices: LevelIndices) -> LevelIndices:
         """Return the levels of the axes that vary a section."""
-        return tuple(index for section, index in zip(self._varied, chosen, strict=True) if section == name)
+        return tuple(
+            index for section, index in zip(self._varied_sections, level_indices, strict=True) if section == name
+        )
 
 
-def chosen_levels(campaign: Campaign) -> list[Chosen]:
+def case_level_indices(campaign: Campaign) -> list[LevelIndices]:
     """Return for each case of a loaded campaign the level of every axis."""
     base = campaign.base.model_dump(mode="json") if campaign.constraints else None
     return combinations(campaign.design, campaign.axes, campaign.exclude, campaign.constraints, base)
 
 
-def put(data: Any, path: Sequence[str], value: Any) -> Any:
+def with_value(data: Any, path: Sequence[str], value: Any) -> Any:
     """Return a copy of nested dictionaries and lists with `value` at `path`.
 
     Parameters
@@ -384,10 +388,10 @@ def put(data: Any, path: Sequence[str], value: Any) -> Any:
         return value
     if isinstance(data, list):
         copy = list(data)
-        copy[int(path[0])] = put(copy[int(path[0])], path[1:], value)
+        copy[int(path[0])] = with_value(copy[int(path[0])], path[1:], value)
         return copy
-    data = unmarked(data or {}, path)  # {}: a section not given; the marks of the replaced value are removed
-    return {**data, path[0]: put(data.get(path[0]), path[1:], value)}
+    data = without_field_marks(data or {}, path)  # {}: a section not given; the marks of the replaced value are removed
+    return {**data, path[0]: with_value(data.get(path[0]), path[1:], value)}
 
 
 def get(data: Any, path: Sequence[str]) -> Any:

@@ -21,7 +21,7 @@ Cache = dict[int, tuple[BaseModel, Any]]
 """Contents of cards by `id` of the card. The cards are stored too, so that no new card gets the same `id`."""
 
 
-def case_id(scenario: Scenario, seed: int, history: float, known: Cache | None = None) -> str:
+def case_id(scenario: Scenario, seed: int, history: float, cache: Cache | None = None) -> str:
     """Return the digest of a case: 12 hexadecimal digits.
 
     The digest covers the scenario, the seed, the step of the history (s) and the version of the results. The step is
@@ -36,7 +36,7 @@ def case_id(scenario: Scenario, seed: int, history: float, known: Cache | None =
         Seed of the campaign.
     history : float
         Step of the stored history, s.
-    known : dict, optional
+    cache : dict, optional
         Cache of the contents of cards; extended here.
 
     Returns
@@ -45,7 +45,7 @@ def case_id(scenario: Scenario, seed: int, history: float, known: Cache | None =
         Digest.
     """
     data = {
-        "scenario": _scenario_content(scenario, known),
+        "scenario": _scenario_content(scenario, cache),
         "seed": seed,
         "history": history,
         "results_version": RESULTS_VERSION,
@@ -68,12 +68,12 @@ def _scenario_content(scenario: Scenario, cache: Cache | None) -> dict[str, Any]
 def _content(model: BaseModel, cache: Cache | None = None) -> dict[str, Any]:
     """Return the content of a card that enters the digest, as plain data; `cache`: contents of the cards within it."""
     card_class = type(model)
-    omitted: set[str] = set()
+    omitted_names: set[str] = set()
     contents: dict[str, Any] = {}  # of the fields that are not simply dumped
     for name, info in card_class.model_fields.items():
         value = getattr(model, name)
         if _is_omitted(name, value, info):
-            omitted.add(name)
+            omitted_names.add(name)
         elif isinstance(value, BaseModel):
             contents[name] = _cached_content(value, cache)
         elif isinstance(value, tuple) and value and isinstance(value[0], BaseModel):
@@ -87,8 +87,8 @@ def _content(model: BaseModel, cache: Cache | None = None) -> dict[str, Any]:
             contents[name] = _file_digest(value)
         elif isinstance(value, tuple) and fields.is_path(card_class, name):
             contents[name] = [_file_digest(file) for file in value]
-    dumped = model.model_dump(mode="json", exclude={*contents, *omitted})
-    return dumped | contents
+    field_data = model.model_dump(mode="json", exclude={*contents, *omitted_names})
+    return field_data | contents
 
 
 def _is_omitted(name: str, value: Any, info: FieldInfo) -> bool:

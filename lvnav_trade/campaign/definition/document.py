@@ -33,11 +33,11 @@ class MarginPolicy(units.Card):
 
     @field_validator("required")
     @classmethod
-    def _below_one(cls, required: dict[str, float], info: ValidationInfo) -> dict[str, float]:
-        for phase, margin in required.items():
+    def _check_margins(cls, margins: dict[str, float], info: ValidationInfo) -> dict[str, float]:
+        for phase, margin in margins.items():
             if margin >= 1.0:
                 raise ValueError(f"{phase}: a margin of {100.0 * margin:g} % leaves no error; it should be below 100 %")
-        present = info.data.get("phase")
-        if present is not None and present not in required:
-            raise ValueError(f"no margin for the phase {quoted(present)}{hint(present, list(required))}")
-        return required
+        present_phase = info.data.get("phase")
+        if present_phase is not None and present_phase not in margins:
+            raise ValueError(f"no margin for the phase {quoted(present_phase)}{hint(present_phase, list(margins))}")
+        return margins

@@ -10,7 +10,7 @@ from lvnav_trade.quantities.state_layout import split_metric
 from lvnav_trade.results import registry
 from lvnav_trade.results.metric import REQUIREMENTS, STATEMENTS, Metric
 from lvnav_trade.results.metrics import state_errors
-from lvnav_trade.sensors.family import FAMILY, SENSOR_STATES, kind_of
+from lvnav_trade.sensors.family import FAMILY, SENSOR_STATES, card_kind
 from lvnav_trade.sensors.sensor import Evidence
 
 # SI unit of every quantity whose errors are stored
@@ -80,15 +80,15 @@ def known_metrics() -> list[ListedMetric]:
     return [ListedMetric(metric.name, metric.unit, metric.meaning, metric.named_by) for metric in metrics]
 
 
-def of_sensors() -> list[dict[str, Any]]:
+def sensor_entries() -> list[dict[str, Any]]:
     """Return the entries of the sensors, in the form of `report/templates/models.toml`.
 
     Sensors with the same evidence are one entry, with a set of settings for each sensor.
     """
-    settings_of: dict[Evidence, list[dict[str, str]]] = {}
+    settings_by_evidence: dict[Evidence, list[dict[str, str]]] = {}
     for member in FAMILY:
-        settings = {"sensors.*.kind": kind_of(member.card), "filter.measurements": member.card.measurement}
-        settings_of.setdefault(member.evidence, []).append(settings)
+        settings = {"sensors.*.kind": card_kind(member.card), "filter.measurements": member.card.measurement}
+        settings_by_evidence.setdefault(member.evidence, []).append(settings)
     return [
         {
             "name": evidence.name,
@@ -96,5 +96,5 @@ def of_sensors() -> list[dict[str, Any]]:
             "checks": [check._asdict() for check in evidence.checks],
             "omits": evidence.omits,
         }
-        for evidence, settings in settings_of.items()
+        for evidence, settings in settings_by_evidence.items()
     ]

@@ -26,7 +26,7 @@ else:
     Reason = Literal[REASONS]
 
 
-def _instant(text: str) -> str:
+def _check_instant(text: str) -> str:
     match = _INSTANT.match(text)
     if match is None:
         raise ValueError(f"{text!r} is no instant; write EVENT, or 'EVENT + 20 s'")
@@ -41,16 +41,16 @@ def event_of(instant: str) -> str:
     return match["event"] if match is not None else instant
 
 
-def _phase(phase: str | None) -> str | None:
+def _check_phase(phase: str | None) -> str | None:
     ends = phase.split(" to ") if phase is not None and phase != FLIGHT else ()
     if len(ends) not in (0, 2):
         raise ValueError(f"{phase!r} is no phase; write 'EVENT to EVENT' or {FLIGHT}")
     for end in ends:
-        _instant(end)
+        _check_instant(end)
     return phase
 
 
-def place(event: str | None, info: ValidationInfo, statement: str) -> str | None:
+def statement_event(event: str | None, info: ValidationInfo, statement: str) -> str | None:
     """Return the event to which a statement applies: injection if it names neither an event nor a phase.
 
     Parameters
@@ -67,15 +67,15 @@ def place(event: str | None, info: ValidationInfo, statement: str) -> str | None
     ValueError
         The statement names both an event and a phase.
     """
-    during = info.data.get("during")
-    if event is not None and during is not None:
+    phase = info.data.get("during")
+    if event is not None and phase is not None:
         raise ValueError(f"{statement} holds at an event or during a phase, not both")
-    return event if event is not None or during is not None else "injection"
+    return event if event is not None or phase is not None else "injection"
 
 
-def _place(event: str | None, info: ValidationInfo) -> str | None:
-    instant = place(event, info, "a number")
-    return instant if instant is None else _instant(instant)
+def _check_event(event: str | None, info: ValidationInfo) -> str | None:
+    instant = statement_event(event, info, "a number")
+    return instant if instant is None else _check_instant(instant)
 
 
 def require_unit(unit: str, metric: str, which: str = "") -> None:
@@ -133,7 +133,7 @@ class Pooled(Card):
 
     @field_validator("pool", mode="before")
     @classmethod
-    def _several(cls, axes: Any) -> Any:
+    def _axis_tuple(cls, axes: Any) -> Any:
         return (axes,) if isinstance(axes, str) else axes
 
 
@@ -143,10 +143,10 @@ class MeasuredMetric(Pooled):
     metric: Annotated[str, AfterValidator(known_metric)] = Field(
         description="such as velocity_error_3d, gyro_bias_error_x, perigee_error; satellites_tracked, troposphere_left"
     )
-    during: Annotated[str | None, AfterValidator(_phase)] = Field(
+    during: Annotated[str | None, AfterValidator(_check_phase)] = Field(
         None, description="phase in place of an event: 'liftoff to injection', 'stage1_cutoff to stage1_cutoff + 30 s'"
     )
-    at: Annotated[str | None, AfterValidator(_place)] = Field(
+    at: Annotated[str | None, AfterValidator(_check_event)] = Field(
         None, validate_default=True, description="event; injection if no phase is given"
     )
     statistic: Literal["rms", "mean", "worst", "least", "formal", "lincov"] = Field(
@@ -194,12 +194,12 @@ class MeasuredMetric(Pooled):
         if self.statistic in ("worst", "least") and self.during is None:
             yield f"statistic {self.statistic} needs a phase; give during in place of at"
         if self.statistic == "least" and not metric.has_least:
-            counted = ", ".join(registry.names(lambda metric: metric.has_least))
-            yield f"statistic least needs a metric that is counted ({counted})"
+            counted_metrics = ", ".join(registry.names(lambda metric: metric.has_least))
+            yield f"statistic least needs a metric that is counted ({counted_metrics})"
         if self.statistic == "mean" and not metric.is_signed:
             yield "statistic: mean needs a signed metric, such as the error of one axis"
-        if (self.elevation or self.altitude) and not metric.is_of_signals:
-            signal_metrics = ", ".join(registry.names(lambda metric: metric.is_of_signals))
+        if (self.elevation or self.altitude) and not metric.selects_signals:
+            signal_metrics = ", ".join(registry.names(lambda metric: metric.selects_signals))
             yield f"elevation and altitude select signals: they need a metric of signals ({signal_metrics})"
         for limits in (self.elevation, self.altitude):
             if limits is not None and limits[0] >= limits[1]:
@@ -213,8 +213,8 @@ class MeasuredMetric(Pooled):
             yield "reference_epoch is the epoch of the estimated elements already; leave it out"
         yield from metric.faults(self)
         yield from self._limits()
-        if not metric.is_of_modes and (self.mode or self.reason or self.number > 1):
-            mode_metrics = ", ".join(registry.names(lambda metric: metric.is_of_modes))
+        if not metric.names_mode and (self.mode or self.reason or self.number > 1):
+            mode_metrics = ", ".join(registry.names(lambda metric: metric.names_mode))
             yield f"mode, reason and number need a metric of the mode logic ({mode_metrics})"
 
     def _limits(self) -> Iterator[str]:
@@ -255,7 +255,7 @@ class PublishedNumber(MeasuredMetric, PublishedStatement):
 
     @field_validator("unit")
     @classmethod
-    def _fits(cls, unit: str, info: ValidationInfo) -> str:
+    def _check_unit(cls, unit: str, info: ValidationInfo) -> str:
         is_reduction = info.data.get("than") is not None or info.data.get("against") is not None
         if "metric" in info.data and not is_reduction:
             require_unit(unit, info.data["metric"])
@@ -263,7 +263,7 @@ class PublishedNumber(MeasuredMetric, PublishedStatement):
 
     @field_validator("value")
     @classmethod
-    def _divides(cls, value: float) -> float:
+    def _check_value(cls, value: float) -> float:
         if value == 0.0:
             raise ValueError("0 has no ratio; publish the bound that ours must keep, with the band [0, 1]")
         return value

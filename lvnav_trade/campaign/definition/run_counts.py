@@ -9,7 +9,7 @@ from lvnav_trade.quantities import input_limits, units
 from lvnav_trade.quantities.errors import quoted
 
 _OTHER_RUNS = 40  # runs of an unselected case
-_CHOSEN = 10  # designs of a design space that are simulated
+_SIMULATED_DESIGNS = 10  # designs of a design space that are simulated
 
 
 class MonteCarlo(units.Card):
@@ -44,9 +44,9 @@ class MonteCarlo(units.Card):
     )
 
     @property
-    def chosen_most(self) -> int:
+    def case_limit(self) -> int:
         """The largest number of cases that `cases` selects."""
-        return _CHOSEN if self.most_cases is None else self.most_cases
+        return _SIMULATED_DESIGNS if self.most_cases is None else self.most_cases
 
     def runs_of(self, levels: Mapping[str, str]) -> int:
         """Return the number of runs of the case with these levels (by name of the axis)."""
@@ -56,7 +56,7 @@ class MonteCarlo(units.Card):
 
     @field_validator("runs")
     @classmethod
-    def _some(cls, runs: int) -> int:
+    def _check_runs(cls, runs: int) -> int:
         if runs > input_limits.RUNS:
             raise ValueError(f"{quoted(runs)} runs; give {input_limits.RUNS} at most")
         if runs < 1:
@@ -71,5 +71,5 @@ class MonteCarlo(units.Card):
         if (self.other_runs or 0) > self.runs:
             yield f"other_runs: {self.other_runs} are more than the {self.runs} of the selected cases"
         if self.stop and self.runs % self.block:
-            more = self.runs + self.block - self.runs % self.block
-            yield f"stop tests after every block of {self.block} runs; {more} runs are a multiple of it"
+            next_multiple = self.runs + self.block - self.runs % self.block
+            yield f"stop tests after every block of {self.block} runs; {next_multiple} runs are a multiple of it"

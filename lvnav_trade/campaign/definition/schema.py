@@ -8,7 +8,7 @@ from pydantic import Field, PrivateAttr, ValidationInfo, field_serializer, field
 
 from lvnav_trade.campaign.definition.document import Document, MarginPolicy, Window
 from lvnav_trade.campaign.definition.metric_names import metric_of, required_metrics, unit_of
-from lvnav_trade.campaign.definition.published_cards import ENDS, FLIGHT, PublishedNumber, place
+from lvnav_trade.campaign.definition.published_cards import ENDS, FLIGHT, PublishedNumber, statement_event
 from lvnav_trade.campaign.definition.run_counts import MonteCarlo as MonteCarlo
 from lvnav_trade.campaign.definition.searches import Indices, Solve, Tune
 from lvnav_trade.campaign.syntax.tree import SourceTree, hint
@@ -84,25 +84,25 @@ class Requirement(units.Card):
 
     @field_validator("metric")
     @classmethod
-    def _known(cls, name: str) -> str:
+    def _check_metric(cls, name: str) -> str:
         if name not in required_metrics():
             raise ValueError(f"{quoted(name)} is not a metric{hint(name, required_metrics())}")
         return name
 
     @field_validator("during")
     @classmethod
-    def _phase(cls, phase: str | None, info: ValidationInfo) -> str | None:
+    def _check_phase(cls, phase: str | None, info: ValidationInfo) -> str | None:
         metric = metric_of(info.data["metric"]) if "metric" in info.data else None
-        if phase is not None and metric is not None and metric.at_events_only:
-            raise ValueError(f"{metric.name} is {metric.at_events_only} at an event; give at in place of during")
+        if phase is not None and metric is not None and metric.event_only_reason:
+            raise ValueError(f"{metric.name} is {metric.event_only_reason} at an event; give at in place of during")
         if phase is not None and phase != FLIGHT and len(phase.split(" to ")) != 2:
             raise ValueError(f"{quoted(phase)} is no phase; write 'EVENT to EVENT' or {FLIGHT}")
         return phase
 
     @field_validator("at")
     @classmethod
-    def _place(cls, event: str | None, info: ValidationInfo) -> str | None:
-        return place(event, info, "a requirement")
+    def _check_event(cls, event: str | None, info: ValidationInfo) -> str | None:
+        return statement_event(event, info, "a requirement")
 
     @property
     def events(self) -> tuple[str, ...]:
@@ -113,7 +113,7 @@ class Requirement(units.Card):
 
     @field_validator("below", mode="before")
     @classmethod
-    def _quantity(cls, value: Any, info: ValidationInfo) -> float:
+    def _parse_bound(cls, value: Any, info: ValidationInfo) -> float:
         if "metric" not in info.data:
             return 0.0  # the input error of the metric is reported already; its unit is unknown here
         unit = unit_of(info.data["metric"])
@@ -126,7 +126,7 @@ class Requirement(units.Card):
 
     @field_validator("window")
     @classmethod
-    def _of_event(cls, window: Window | None, info: ValidationInfo) -> Window | None:
+    def _check_window(cls, window: Window | None, info: ValidationInfo) -> Window | None:
         if window is not None and info.data.get("during") is not None:
             raise ValueError("a window needs an event: give at in place of during")
         if window is not None and "metric" in info.data and not metric_of(info.data["metric"]).has_history:
@@ -134,7 +134,7 @@ class Requirement(units.Card):
         return window
 
     @field_serializer("below", when_used="json")
-    def _with_unit(self, value: float) -> str:
+    def _bound_text(self, value: float) -> str:
         return f"{value!r} {unit_of(self.metric)}"
 
 
@@ -196,7 +196,7 @@ class Covariance(units.Card):
 
     @field_validator("spot_check")
     @classmethod
-    def _enough(cls, runs: int) -> int:
+    def _check_spot_check(cls, runs: int) -> int:
         if runs and not input_limits.SPOT_CHECK <= runs <= input_limits.RUNS:
             raise ValueError(f"{quoted(runs)} runs; give 0 for no check, or at least {input_limits.SPOT_CHECK}")
         return runs
@@ -214,7 +214,7 @@ class Keep(units.Card):
 
     @field_validator("history")
     @classmethod
-    def _not_too_fine(cls, step: float) -> float:
+    def _check_history(cls, step: float) -> float:
         if step < input_limits.FINEST_HISTORY:
             raise ValueError(f"{step:g} s is too fine; give {1e3 * input_limits.FINEST_HISTORY:g} ms or more")
         return step
@@ -232,7 +232,7 @@ class Compare(units.Card):
 
     @field_validator("effects")
     @classmethod
-    def _known(cls, effects: dict[str, str]) -> dict[str, str]:
+    def _check_effects(cls, effects: dict[str, str]) -> dict[str, str]:
         from lvnav_trade.results.comparison.comparison import parse_effect
 
         for key, amount in effects.items():
@@ -260,7 +260,7 @@ class CorridorCard(units.Card):
 
     @field_validator("polygon")
     @classmethod
-    def _closed(cls, corners: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
+    def _check_corners(cls, corners: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
         if len(set(corners)) < 3:
             raise ValueError(f"a corridor needs at least 3 corners, not {len(set(corners))}")
         for latitude, _ in corners:
@@ -313,13 +313,14 @@ class Campaign(units.Card):
     )
     indices: Indices | None = Field(None, description="global sensitivity, computed by lvnav-trade indices")
     tune: Tune | None = Field(None, description="tuning of a filter by lvnav-trade tune")
-    _written: SourceTree = PrivateAttr(default_factory=SourceTree)  # place where each value is written
-    _by_rule: "ByRule" = PrivateAttr(default_factory=lambda: ByRule())  # definition of a design space
+    _source_tree: SourceTree = PrivateAttr(default_factory=SourceTree)  # place where each value is written
+    # definition of a design space
+    _space_definition: "SpaceDefinition" = PrivateAttr(default_factory=lambda: SpaceDefinition())
 
     @property
-    def written(self) -> SourceTree:
+    def source_tree(self) -> SourceTree:
         """File, line and column of every value, for input errors that are found after reading."""
-        return self._written
+        return self._source_tree
 
     @property
     def is_space(self) -> bool:
@@ -327,26 +328,26 @@ class Campaign(units.Card):
         return self.store in ("metrics", "events")
 
     @property
-    def rule(self) -> tuple[Axis, ...]:
+    def written_axes(self) -> tuple[Axis, ...]:
         """The axes as written in the file: a sampled axis has its limits, not its samples."""
-        return self._by_rule.axes or self.axes
+        return self._space_definition.axes or self.axes
 
     @property
     def probe(self) -> "Campaign":
         """The campaign whose cases are checked for input errors: the campaign itself, or for a design space a campaign
         of the base and of the two ends of each axis alone.
         """
-        return self if self._by_rule.probe is None else self._by_rule.probe
+        return self if self._space_definition.probe is None else self._space_definition.probe
 
     @field_validator("name")
     @classmethod
-    def _folder(cls, name: str) -> str:
+    def _check_name(cls, name: str) -> str:
         if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9._-]{0,99}", name):
             raise ValueError(f"{quoted(name)} cannot name a folder; use letters, digits, '-', '_' and '.'")
         return name
 
 
-class ByRule:
+class SpaceDefinition:
     """Definition of a design space. All instances compare as equal, because campaigns are compared by their cases.
 
     axes : Axes as written in the file; the axes of the campaign itself have one value per sample.
@@ -357,6 +358,6 @@ class ByRule:
         self.axes, self.probe = axes, probe
 
     def __eq__(self, other: object) -> bool:
-        return isinstance(other, ByRule)
+        return isinstance(other, SpaceDefinition)
 
     __hash__ = None  # type: ignore[assignment]

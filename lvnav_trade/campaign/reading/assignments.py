@@ -1,9 +1,9 @@
 """Assignments to the settings of a campaign, such as ``monte_carlo.runs=500`` on the command line."""
 
 from lvnav_trade.campaign.definition.schema import Campaign
-from lvnav_trade.campaign.reading.expand import expanded
+from lvnav_trade.campaign.reading.expand import expanded_tree
 from lvnav_trade.campaign.syntax import fields, marked, tree
-from lvnav_trade.campaign.syntax.card_lookup import Shelf, nowhere
+from lvnav_trade.campaign.syntax.card_lookup import Shelf, command_line_place
 from lvnav_trade.quantities.errors import InputError, quoted
 from lvnav_trade.scenario.scenario import Scenario
 
@@ -24,18 +24,18 @@ def apply(root: tree.Node, assignment: str, shelf: Shelf) -> tree.Node:
     if not equals or not text.strip():
         raise InputError(f"{tree.HERE} {quoted(assignment)}: should be path=value, such as monte_carlo.runs=500")
     path = full_path(text.strip(), tree.HERE)
-    _refuse_varied(root, path)
+    _refuse_varied_field(root, path)
     return _put_value(root, path, _parsed_value(value, path), Campaign, shelf, "")
 
 
-def full_path(text: str, where: str) -> list[str]:
+def full_path(text: str, message_prefix: str) -> list[str]:
     """Return the steps of a dotted path from the top of the campaign.
 
     Parameters
     ----------
     text : str
         Dotted path; `base.` may be omitted.
-    where : str
+    message_prefix : str
         Beginning of an error message.
 
     Raises
@@ -48,28 +48,28 @@ def full_path(text: str, where: str) -> list[str]:
         return path
     if path[0] in Scenario.model_fields:
         return ["base", *path]
-    replacement = fields.old_key(Scenario, path[0])
+    replacement = fields.old_key_message(Scenario, path[0])
     if replacement:
-        raise InputError(f"{where}: {text}: {replacement}")
+        raise InputError(f"{message_prefix}: {text}: {replacement}")
     names = (*Campaign.model_fields, *Scenario.model_fields)
     suggestion = tree.hint(path[0], names) or f" (known: {', '.join(names)})"
-    raise InputError(f"{where}: {text}: unknown path{suggestion}")
+    raise InputError(f"{message_prefix}: {text}: unknown path{suggestion}")
 
 
 def _parsed_value(text: str, path: list[str]) -> tree.Node:
     """Return the YAML value of an assignment, which has no place in a file."""
-    place = nowhere(tree.HERE)
+    place = command_line_place(tree.HERE)
     if not text.strip():
         raise tree.refuse(place, ".".join(path), "has no value after '='")
     try:
-        parsed = tree.parse(text, tree.HERE, place.folder)
-        return tree.from_plain(tree.plain(parsed), place)
+        value_node = tree.parse(text, tree.HERE, place.folder)
+        return tree.node_from_data(tree.plain_data(value_node), place)
     except InputError as error:
         message = error.records[0].message
         raise tree.refuse(place, ".".join(path), f"{quoted(text)}: {message}") from None
 
 
-def _refuse_varied(root: tree.Node, path: list[str]) -> None:
+def _refuse_varied_field(root: tree.Node, path: list[str]) -> None:
     """Refuse to set a field that an axis varies: the axis would silently override the assignment."""
     axes = tree.find(root, ["axes"])
     if path[0] != "base" or axes is None or not axes.is_list:
@@ -82,11 +82,11 @@ def _refuse_varied(root: tree.Node, path: list[str]) -> None:
         leading_steps = path[1 : 1 + len(steps)]
         if steps == leading_steps:
             message = f"is varied by axis {index} ({varied_path.value}); set axes.{index} instead"
-            raise tree.refuse(nowhere(tree.HERE), ".".join(path), message)
+            raise tree.refuse(command_line_place(tree.HERE), ".".join(path), message)
 
 
 def _put_value(
-    node: tree.Node, steps: list[str], value: tree.Node, kind: fields.Kind, shelf: Shelf, path: str
+    node: tree.Node, steps: list[str], value: tree.Node, annotation: fields.Annotation, shelf: Shelf, path: str
 ) -> tree.Node:
     """Return settings with a new value; a card on the way is expanded first.
 
@@ -98,7 +98,7 @@ def _put_value(
         Keys from these settings to the value.
     value : tree.Node
         New value.
-    kind : fields.Kind
+    annotation : fields.Annotation
         Annotation of the settings.
     shelf : Shelf
         Cards that the settings can name.
@@ -113,37 +113,37 @@ def _put_value(
     if not steps:
         return value
     key = steps[0]
-    below = steps[1:]
+    remaining_steps = steps[1:]
     child_path = tree.join(path, key)
     is_card = isinstance(node.value, str) or tree.find(node, ["card"]) is not None
-    if is_card and fields.models(kind):
-        node = expanded(node, kind, shelf, path)
-    if fields.item(kind, 0) is not None:
+    if is_card and fields.models(annotation):
+        node = expanded_tree(node, annotation, shelf, path)
+    if fields.item(annotation, 0) is not None:
         items = node if node.is_list else tree.Node([], node.place)
         index = tree.index_of(key, items.value, value.place, path)
-        item_kind = fields.item(kind, index)
-        item = _put_value(items.value[index], below, value, item_kind, shelf, child_path)
+        item_annotation = fields.item(annotation, index)
+        item = _put_value(items.value[index], remaining_steps, value, item_annotation, shelf, child_path)
         return tree.with_item(items, index, item)
-    if _changes_kind(node, key, kind):
+    if _changes_kind(node, key, annotation):
         no_settings = tree.Node({}, value.place)
-        return tree.put(no_settings, steps, value)
-    if key not in fields.names(kind) and fields.entries(kind) is None:
-        suggestion = tree.hint(key, fields.names(kind, node))
-        message = fields.old_key(kind, key) or f"unknown path{suggestion}"
+        return tree.with_node(no_settings, steps, value)
+    if key not in fields.names(annotation) and fields.entries(annotation) is None:
+        suggestion = tree.hint(key, fields.names(annotation, node))
+        message = fields.old_key_message(annotation, key) or f"unknown path{suggestion}"
         raise tree.refuse(value.place, child_path, message)
     settings = node if node.is_map else tree.Node({}, value.place)
     child = settings.value.get(key, tree.Node(None, value.place))
-    child_kind = fields.child(kind, key, settings)
-    changed_child = _put_value(child, below, value, child_kind, shelf, child_path)
+    child_annotation = fields.child(annotation, key, settings)
+    changed_child = _put_value(child, remaining_steps, value, child_annotation, shelf, child_path)
     place = settings.keys.get(key)
-    return tree.with_child(marked.unmarked_at(settings, steps), key, changed_child, place)
+    return tree.with_child(marked.without_marks(settings, steps), key, changed_child, place)
 
 
-def _changes_kind(node: tree.Node, key: str, kind: fields.Kind) -> bool:
+def _changes_kind(node: tree.Node, key: str, annotation: fields.Annotation) -> bool:
     """Whether a key belongs to another alternative of an annotation than the present settings."""
-    if len(fields.models(kind)) < 2:
+    if len(fields.models(annotation)) < 2:
         return False
-    present_model = fields.member(kind, node)
+    present_model = fields.member(annotation, node)
     if present_model is None:
         return False
-    return key in fields.names(kind) and key not in fields.by_key(present_model)
+    return key in fields.names(annotation) and key not in fields.fields_by_key(present_model)

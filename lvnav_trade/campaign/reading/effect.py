@@ -45,119 +45,123 @@ class GivenSetting(NamedTuple):
 
     path : Dotted path below the scenario.
     place : File, line and column.
-    within : Settings within it.
-    counts : Path whose reading counts as a reading of this setting.
+    children : Settings within it.
+    read_path : Path whose reading counts as a reading of this setting.
     is_whole : Whether reading anything within counts as well.
     is_card : Whether the settings within are fields of a card.
-    must_act : Whether it must have an effect.
+    must_have_effect : Whether it must have an effect.
     is_override : Whether it overrides a field of a card.
-    is_own : Whether it is given in the campaign itself, not in a card.
+    is_in_campaign : Whether it is given in the campaign itself, not in a card.
     """
 
     path: str
     place: Place
-    within: tuple["GivenSetting", ...]
-    counts: str
+    children: tuple["GivenSetting", ...]
+    read_path: str
     is_whole: bool
     is_card: bool
-    must_act: bool
+    must_have_effect: bool
     is_override: bool
-    is_own: bool
+    is_in_campaign: bool
 
     @property
-    def shown(self) -> str:
+    def message_path(self) -> str:
         """The path for messages; a word in a list has the path of the list."""
-        above, _, last = self.path.rpartition(".")
-        return f"base.{above if is_index(last) and not self.is_whole else self.path}"
+        parent_path, _, last = self.path.rpartition(".")
+        return f"base.{parent_path if is_index(last) and not self.is_whole else self.path}"
 
 
 class _SettingReader:
-    """Converts expanded trees into given settings; only settings in the files `own` count as given by the user."""
+    """Converts expanded trees into given settings; only settings in `files` count as given by the user."""
 
-    def __init__(self, own: Collection[str]) -> None:
-        self.own = own
+    def __init__(self, files: Collection[str]) -> None:
+        self.files = files
 
-    def is_own(self, place: Place) -> bool:
-        return place.file in self.own
+    def is_in_files(self, place: Place) -> bool:
+        return place.file in self.files
 
     def given_setting(
         self,
         node: Node,
-        kind: Any,
+        annotation: Any,
         path: str,
         place: Place,
-        counts: str = "",
-        is_free: bool = True,
+        read_path: str = "",
+        is_optional: bool = True,
         is_override: bool = False,
     ) -> GivenSetting:
-        """Return the setting of a node; counts: path whose reading counts for it; is_free: it could be omitted."""
-        is_whole = _has_readable_content(node, kind)
-        is_own = self.is_own(place) or (not is_whole and self.is_own(node.place))
+        """Return the setting of a node.
+
+        read_path : path whose reading counts for the setting; is_optional : whether the setting could be omitted.
+        """
+        is_whole = _has_readable_content(node, annotation)
+        is_in_campaign = self.is_in_files(place) or (not is_whole and self.is_in_files(node.place))
         is_required_section = is_whole and path in _REQUIRED_SECTIONS
         # a value of null says that there is no such thing, and so needs no effect
-        must_act = is_free and is_own and node.value is not None and not is_required_section
+        must_have_effect = is_optional and is_in_campaign and node.value is not None and not is_required_section
         is_from_command_line = node.place.file == HERE and not is_whole
+        children = self._children(node, annotation, path)
         return GivenSetting(
             path=path,
             place=node.place if is_from_command_line else place,
-            within=tuple(setting for setting in self._within(node, kind, path) if setting.must_act or setting.within),
-            counts=counts or path,
+            children=tuple(child for child in children if child.must_have_effect or child.children),
+            read_path=read_path or path,
             is_whole=is_whole,
-            is_card=node.is_map and fields.entries(kind) is None,
-            must_act=must_act or _STATE_LISTS.fullmatch(path) is not None,
+            is_card=node.is_map and fields.entries(annotation) is None,
+            must_have_effect=must_have_effect or _STATE_LISTS.fullmatch(path) is not None,
             is_override=is_override,
-            is_own=is_own,
+            is_in_campaign=is_in_campaign,
         )
 
-    def _within(self, node: Node, kind: Any, path: str) -> Iterator[GivenSetting]:
+    def _children(self, node: Node, annotation: Any, path: str) -> Iterator[GivenSetting]:
         if node.is_map:
-            yield from self._fields(node, kind, path)
+            yield from self._fields(node, annotation, path)
         elif node.is_list:
             for number, child in enumerate(node.value):
-                item_kind = fields.item(kind, number)
+                item_annotation = fields.item(annotation, number)
                 item_path = join(path, number)
-                if fields.models(item_kind):
-                    yield self.given_setting(child, item_kind, item_path, child.place)
-                elif fields.literals(item_kind):
-                    yield self.given_setting(child, item_kind, item_path, child.place, counts=path)
+                if fields.models(item_annotation):
+                    yield self.given_setting(child, item_annotation, item_path, child.place)
+                elif fields.literals(item_annotation):
+                    yield self.given_setting(child, item_annotation, item_path, child.place, read_path=path)
 
-    def _fields(self, node: Node, kind: Any, path: str) -> Iterator[GivenSetting]:
+    def _fields(self, node: Node, annotation: Any, path: str) -> Iterator[GivenSetting]:
         """Yield the settings in a mapping: fields of a card, or entries with free keys."""
-        entry_kind = fields.entries(kind)
-        model = fields.member(kind, node)
-        is_inline = self.is_own(node.place)
+        entry_annotation = fields.entries(annotation)
+        model = fields.member(annotation, node)
+        is_inline = self.is_in_files(node.place)
         for key, child in node.value.items():
-            child_kind = entry_kind
-            if not child_kind and model:
-                child_kind = fields.child(model, key)
-            if child_kind is None or (model is not None and key in _DESCRIPTIONS):
+            child_annotation = entry_annotation
+            if not child_annotation and model:
+                child_annotation = fields.child(model, key)
+            if child_annotation is None or (model is not None and key in _DESCRIPTIONS):
                 continue
-            info = fields.by_key(model).get(key) if model is not None else None
+            info = fields.fields_by_key(model).get(key) if model is not None else None
             is_required = info is not None and info.is_required()
             is_in_same_file = is_inline and child.place.file == node.place.file  # not set on the command line
-            is_field = entry_kind is None or (child.is_map and fields.models(entry_kind))
+            is_field = entry_annotation is None or (child.is_map and fields.models(entry_annotation))
             yield self.given_setting(
                 child,
-                child_kind,
+                child_annotation,
                 join(path, key),
                 node.keys[key],
-                counts="" if is_field else path,
-                is_free=not (is_in_same_file and is_required),
+                read_path="" if is_field else path,
+                is_optional=not (is_in_same_file and is_required),
                 is_override=not is_inline,
             )
 
 
-def _has_readable_content(node: Node, kind: Any) -> bool:
+def _has_readable_content(node: Node, annotation: Any) -> bool:
     """Whether a node has content whose reading counts as a reading of the node.
 
     The word `kind` and entries of null do not count.
     """
     if node.is_map:
-        entry = fields.entries(kind)
+        entry = fields.entries(annotation)
         if entry is not None and not fields.models(entry):
             return False  # a mapping of plain values with free keys is read as a whole
         return any(child.value is not None for key, child in node.value.items() if key not in _DESCRIPTIONS)
-    return node.is_list and bool(node.value) and bool(fields.models(fields.item(kind, 0)))
+    return node.is_list and bool(node.value) and bool(fields.models(fields.item(annotation, 0)))
 
 
 class _Root(NamedTuple):
@@ -167,13 +171,13 @@ class _Root(NamedTuple):
     level: int
     setting: GivenSetting
 
-    def demands(self) -> Iterator[GivenSetting]:
+    def checked_settings(self) -> Iterator[GivenSetting]:
         """Yield all settings that must have an effect."""
-        waiting = [self.setting]
-        while waiting:
-            setting = waiting.pop()
-            waiting += setting.within
-            if setting.must_act:
+        open_settings = [self.setting]
+        while open_settings:
+            setting = open_settings.pop()
+            open_settings += setting.children
+            if setting.must_have_effect:
                 yield setting
 
 
@@ -193,74 +197,76 @@ class Effects:
         self.steps = [[*axis.steps] for axis in campaign.axes]
         self.roots = [*_roots(campaign)]
 
-    def next(self, known: Mapping[str, EffectiveSettings | None]) -> Case | None:
+    def next_case(self, effective_by_case: Mapping[str, EffectiveSettings | None]) -> Case | None:
         """Return the case to prepare next: the case with most settings that have shown no effect yet.
 
-        None if no further case can show an effect. known : effective settings by digest of the prepared cases.
+        None if no further case can show an effect.
+
+        effective_by_case : effective settings by digest of the prepared cases.
         """
-        unproven = []
+        pending_settings = []
         for root in self.roots:
-            for setting in root.demands():
-                prepared_settings = self._effective_settings(root, setting, known)
-                if not any(_acts(setting, effective) for effective in prepared_settings):
-                    unproven.append((root, setting))
+            for setting in root.checked_settings():
+                prepared_settings = self._effective_settings(root, setting, effective_by_case)
+                if not any(_has_effect(setting, effective) for effective in prepared_settings):
+                    pending_settings.append((root, setting))
         best_case, most_settings = None, 0
         for case in self.cases:
-            if case.id not in known:
-                n_settings = sum(self._has_setting(root, setting, case) for root, setting in unproven)
+            if case.id not in effective_by_case:
+                n_settings = sum(self._has_setting(root, setting, case) for root, setting in pending_settings)
                 if n_settings > most_settings:
                     best_case, most_settings = case, n_settings
         return best_case
 
-    def mistakes(self, known: Mapping[str, EffectiveSettings | None]) -> list[Mistake]:
+    def mistakes(self, effective_by_case: Mapping[str, EffectiveSettings | None]) -> list[Mistake]:
         """Return an input error for every setting without effect on any case.
 
-        known : effective settings by digest of the prepared cases.
+        effective_by_case : effective settings by digest of the prepared cases.
         """
         errors: list[Mistake] = []
         for root in self.roots:
-            errors += self._fruitless(root, root.setting, known)
+            errors += self._ineffective_errors(root, root.setting, effective_by_case)
         return list(dict.fromkeys(errors))
 
-    def _fruitless(
-        self, root: _Root, setting: GivenSetting, known: Mapping[str, EffectiveSettings | None]
+    def _ineffective_errors(
+        self, root: _Root, setting: GivenSetting, effective_by_case: Mapping[str, EffectiveSettings | None]
     ) -> list[Mistake]:
         """Return the errors of a setting without effect: one for the setting, or those of the settings within it."""
-        within: list[Mistake] = []
-        for below in setting.within:
-            within += self._fruitless(root, below, known)
-        message, is_idle = self._message(root, setting, known)
-        combines_fields = setting.is_card and len(within) > 1
-        if not message or (within and not is_idle and not combines_fields):
-            return within
-        return [tree.mistake(setting.place, setting.shown, message)]
+        child_errors: list[Mistake] = []
+        for child in setting.children:
+            child_errors += self._ineffective_errors(root, child, effective_by_case)
+        message, is_idle = self._message(root, setting, effective_by_case)
+        combines_fields = setting.is_card and len(child_errors) > 1
+        if not message or (child_errors and not is_idle and not combines_fields):
+            return child_errors
+        return [tree.mistake(setting.place, setting.message_path, message)]
 
     def _message(
-        self, root: _Root, setting: GivenSetting, known: Mapping[str, EffectiveSettings | None]
+        self, root: _Root, setting: GivenSetting, effective_by_case: Mapping[str, EffectiveSettings | None]
     ) -> tuple[str, bool]:
         """Return the message if a setting has no effect, and whether it is read nevertheless; else an empty message.
 
         The message is also empty if a case with the setting has not been prepared.
         """
-        if not setting.must_act:
+        if not setting.must_have_effect:
             return "", False
         cases = [case for case in self.cases if self._has_setting(root, setting, case)]
         if not cases:
-            return self._replaced(root, setting), False
+            return self._replacement_message(root, setting), False
         idle_reason = ""
         for case in cases:
-            effective = known.get(case.id)
-            if effective is None or _acts(setting, effective):
+            effective = effective_by_case.get(case.id)
+            if effective is None or _has_effect(setting, effective):
                 return "", False
             idle_reason = idle_reason or _idle_reason(setting, effective)
         return idle_reason or _unread_message(setting.path, cases[0].scenario), bool(idle_reason)
 
-    def _replaced(self, root: _Root, setting: GivenSetting) -> str:
+    def _replacement_message(self, root: _Root, setting: GivenSetting) -> str:
         """Return the message if an axis replaces an overridden field of a card in every case, else an empty message.
 
         The varied field itself and settings without a card may be given in the base, since the base is complete.
         """
-        has_case = root.axis < 0 or any(chosen[root.axis] == root.level for chosen in self.levels.values())
+        has_case = root.axis < 0 or root.level in [indices[root.axis] for indices in self.levels.values()]
         if not has_case or not setting.is_override:
             return ""
         for axis in range(root.axis + 1, len(self.steps)):
@@ -276,23 +282,23 @@ class Effects:
         All values that an axis gives to one field are equivalent, because whether a field is read does not depend on
         its value. The exception is a zip, in which levels of several axes belong together.
         """
-        chosen = self.levels[case.id]
-        if root.axis >= 0 and chosen[root.axis] != root.level:
+        level_indices = self.levels[case.id]
+        if root.axis >= 0 and level_indices[root.axis] != root.level:
             varied_path = ".".join(self.steps[root.axis])
             is_value = not setting.is_whole and setting.path == varied_path
-            if not is_value or chosen[root.axis] is None or self.campaign.design == "zip":
+            if not is_value or level_indices[root.axis] is None or self.campaign.design == "zip":
                 return False
-        for axis in range(root.axis + 1, len(chosen)):
-            if chosen[axis] is not None and _is_within(setting.path, self.steps[axis]):
+        for axis in range(root.axis + 1, len(level_indices)):
+            if level_indices[axis] is not None and _is_within(setting.path, self.steps[axis]):
                 return False  # replaced by a later axis
         return True
 
     def _effective_settings(
-        self, root: _Root, setting: GivenSetting, known: Mapping[str, EffectiveSettings | None]
+        self, root: _Root, setting: GivenSetting, effective_by_case: Mapping[str, EffectiveSettings | None]
     ) -> Iterator[EffectiveSettings]:
         """Yield the effective settings of the prepared cases that have a setting."""
         for case in self.cases:
-            effective = known.get(case.id)
+            effective = effective_by_case.get(case.id)
             if effective is not None and self._has_setting(root, setting, case):
                 yield effective
 
@@ -312,52 +318,52 @@ def _level(case: Case, name: str, axis: Axis) -> int | None:
 
 def _roots(campaign: Campaign) -> Iterator[_Root]:
     """Yield the settings of the base and of each level of the axes."""
-    written = campaign.written
-    base = tree.find(written.root, ["base"]) if written.root is not None else None
-    if base is None or written.root is None:
+    source_tree = campaign.source_tree
+    base = tree.find(source_tree.root, ["base"]) if source_tree.root is not None else None
+    if base is None or source_tree.root is None:
         return
-    has_all_sections = {*written.root.value} >= {*Campaign.model_fields}
+    has_all_sections = {*source_tree.root.value} >= {*Campaign.model_fields}
     is_resolved = has_all_sections and {*base.value} >= {*Scenario.model_fields}
-    files = (HERE,) if is_resolved else (HERE, written.root.place.file)
+    files = (HERE,) if is_resolved else (HERE, source_tree.root.place.file)
     reader = _SettingReader(files)
-    base_setting = reader.given_setting(base, Scenario, "", base.place, is_free=False)
+    base_setting = reader.given_setting(base, Scenario, "", base.place, is_optional=False)
     varied_paths = {".".join(axis.steps) for axis in campaign.axes}
-    filled = varied_paths & written.filled
-    unfilled = tuple(_without(base_setting.within, filled))
-    yield _Root(-1, 0, base_setting._replace(within=unfilled))
-    axis_levels = zip(campaign.axes, written.levels, strict=True)
+    filled_paths = varied_paths & source_tree.filled_paths
+    given_settings = tuple(_remaining_settings(base_setting.children, filled_paths))
+    yield _Root(-1, 0, base_setting._replace(children=given_settings))
+    axis_levels = zip(campaign.axes, source_tree.levels, strict=True)
     for number, (axis, levels) in enumerate(axis_levels):
-        annotation = _kind_at(base, axis.steps)
+        annotation = _annotation_at(base, axis.steps)
         path = ".".join(axis.steps)
         for level, (node, place) in enumerate(levels):
             setting = reader.given_setting(node, annotation, path, place)
             yield _Root(number, level, setting)
 
 
-def _kind_at(base: Node, steps: Sequence[str]) -> Any:
+def _annotation_at(base: Node, steps: Sequence[str]) -> Any:
     """Return the annotation at a path of the base."""
-    kind: Any = Scenario
+    annotation: Any = Scenario
     node: Node | None = base
     for key in steps:
-        kind = fields.child(kind, key, node)
+        annotation = fields.child(annotation, key, node)
         node = tree.find(node, [key]) if node is not None else None
-    return kind
+    return annotation
 
 
-def _without(settings: Sequence[GivenSetting], paths: Collection[str]) -> Iterator[GivenSetting]:
+def _remaining_settings(settings: Sequence[GivenSetting], paths: Collection[str]) -> Iterator[GivenSetting]:
     """Yield settings except those at `paths`, where the first level of an axis was put into the base."""
     for setting in settings:
         if setting.path not in paths:
-            yield setting._replace(within=tuple(_without(setting.within, paths)))
+            yield setting._replace(children=tuple(_remaining_settings(setting.children, paths)))
 
 
-def _acts(setting: GivenSetting, effective: EffectiveSettings) -> bool:
+def _has_effect(setting: GivenSetting, effective: EffectiveSettings) -> bool:
     """Whether a setting has an effect on a case: it, or a setting within it, is read and not idle."""
     if _idle_reason(setting, effective):
         return False
-    if any(_is_within(setting.path, path.split(".")) for path in effective.whole):
+    if any(_is_within(setting.path, path.split(".")) for path in effective.complete_settings):
         return True
-    if not setting.is_whole and setting.counts in effective.read:
+    if not setting.is_whole and setting.read_path in effective.read:
         return True
     if not setting.is_whole and not setting.is_card:
         return False
@@ -369,7 +375,7 @@ def _idle_reason(setting: GivenSetting, effective: EffectiveSettings) -> str:
     steps = setting.path.split(".")
     for depth in range(1, len(steps) + 1):
         path = ".".join(steps[:depth])
-        if path in effective.idle and (setting.is_own or path not in effective.exact):
+        if path in effective.idle and (setting.is_in_campaign or path not in effective.exact):
             return effective.idle[path]
     return ""
 

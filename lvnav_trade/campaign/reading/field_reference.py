@@ -12,9 +12,9 @@ from lvnav_trade.campaign.syntax.tree import hint
 from lvnav_trade.quantities.errors import InputError
 
 _QUANTITY = "quantity with a unit: "
-_PLAIN = {str: "text", int: "whole number", float: "number", bool: "true or false", Any: "any value"}
+_TYPE_NAMES = {str: "text", int: "whole number", float: "number", bool: "true or false", Any: "any value"}
 # Parts of a campaign that cannot be a card; all other settings can.
-_WRITTEN_OUT = (
+_INLINE_MODELS = (
     "MonteCarlo",
     "Axis",
     "Published",
@@ -65,48 +65,53 @@ def reference(path: str = "") -> list[SettingsEntry]:
     InputError
         A step of the path is unknown.
     """
-    kind: fields.Kind = Campaign
+    annotation: fields.Annotation = Campaign
     for key in full_path(path, "fields") if path else ():
-        settings = kind if fields.entries(kind) is not None else _item(kind)
-        child_kind = fields.child(settings, key)
-        if child_kind is None:
+        settings = annotation if fields.entries(annotation) is not None else _item(annotation)
+        child_annotation = fields.child(settings, key)
+        if child_annotation is None:
             names = fields.names(settings)
-            message = fields.old_key(settings, key) or f"unknown path{hint(key, names)}; known: {', '.join(names)}"
+            message = fields.old_key_message(settings, key)
+            if not message:
+                message = f"unknown path{hint(key, names)}; known: {', '.join(names)}"
             raise InputError(f"fields: {path}: {message}")
-        kind = child_kind
-    models = fields.models(_item(kind))
+        annotation = child_annotation
+    models = fields.models(_item(annotation))
     if not models:
-        raise InputError(f"fields: {path}: has no fields of its own; it is {type_of(kind)}")
+        raise InputError(f"fields: {path}: has no fields of its own; it is {type_text(annotation)}")
     return [_settings_entry(model, len(models) > 1) for model in models]
 
 
-def _item(kind: fields.Kind) -> fields.Kind:
+def _item(annotation: fields.Annotation) -> fields.Annotation:
     """Return the annotation of the items of a list or of a mapping with free keys; any other annotation unchanged."""
-    return kind if fields.models(kind) else fields.entries(kind) or fields.item(kind, 0) or kind
+    if fields.models(annotation):
+        return annotation
+    return fields.entries(annotation) or fields.item(annotation, 0) or annotation
 
 
 def _settings_entry(model: type[BaseModel], is_one_of_several: bool) -> SettingsEntry:
     """Return the description of one kind of settings."""
-    tag = fields.tag_of(model)
+    tag = fields.model_tag(model)
     rows = []
-    for name, info in fields.by_key(model).items():
+    for name, info in fields.fields_by_key(model).items():
         if name != "kind" or tag is None:
-            rows.append(FieldEntry(name, type_of(_annotated(info)), _default(info), info.description or ""))
+            accepted_values = type_text(_full_annotation(info))
+            rows.append(FieldEntry(name, accepted_values, _default_text(info), info.description or ""))
     first_paragraph = (model.__doc__ or "").partition("\n\n")[0]
     title = " ".join(first_paragraph.split())
     return SettingsEntry((tag or "") if is_one_of_several else "", title, tuple(rows))
 
 
-def _annotated(info: FieldInfo) -> fields.Kind:
+def _full_annotation(info: FieldInfo) -> fields.Annotation:
     return Annotated[info.annotation, *info.metadata] if info.metadata else info.annotation
 
 
-def type_of(kind: fields.Kind) -> str:
+def type_text(annotation: fields.Annotation) -> str:
     """Describe the values that a field accepts: a quantity with its unit, words, settings, or a list."""
-    return " or ".join(dict.fromkeys(map(_describe_option, fields.options(kind, keep=WithJsonSchema))))
+    return " or ".join(dict.fromkeys(map(_describe_option, fields.options(annotation, metadata_type=WithJsonSchema))))
 
 
-def _describe_option(option: fields.Kind) -> str:
+def _describe_option(option: fields.Annotation) -> str:
     if isinstance(option, WithJsonSchema):  # a quantity
         return str((option.json_schema or {}).get("description", "")).removeprefix(_QUANTITY)
     if fields.literals(option):
@@ -117,33 +122,33 @@ def _describe_option(option: fields.Kind) -> str:
         return "settings"
     arguments, origin = get_args(option), cast(Any, get_origin(option))
     if origin is dict:
-        return f"{type_of(arguments[1])} by name"
+        return f"{type_text(arguments[1])} by name"
     if arguments:
         has_fixed_length = arguments[-1] is not Ellipsis and len(arguments) > 1
-        item_text = type_of(arguments[0])
+        item_text = type_text(arguments[0])
         return f"list of {len(arguments)} {item_text}" if has_fixed_length else f"list of {item_text}"
-    return _PLAIN.get(option, getattr(option, "__name__", str(option)))
+    return _TYPE_NAMES.get(option, getattr(option, "__name__", str(option)))
 
 
-def _default(info: FieldInfo) -> str:
+def _default_text(info: FieldInfo) -> str:
     if info.is_required():
         return "required"
     value = info.get_default(call_default_factory=True)
     if isinstance(value, BaseModel):
-        return fields.tag_of(type(value)) or "settings"
+        return fields.model_tag(type(value)) or "settings"
     if value is None:
         return "none"
-    dumped = TypeAdapter(_annotated(info)).dump_python(value, mode="json")
-    if isinstance(value, float) and isinstance(dumped, str):
+    plain_value = TypeAdapter(_full_annotation(info)).dump_python(value, mode="json")
+    if isinstance(value, float) and isinstance(plain_value, str):
         if not value:
             return "0"
-        unit = dumped.partition(" ")[2]
+        unit = plain_value.partition(" ")[2]
         return f"{value:.6g} {unit}".removesuffix(" dimensionless")
-    if isinstance(dumped, bool):
-        return str(dumped).lower()
-    if isinstance(dumped, list):
-        return f"[{', '.join(map(str, dumped))}]"
-    return str(dumped) or "none"
+    if isinstance(plain_value, bool):
+        return str(plain_value).lower()
+    if isinstance(plain_value, list):
+        return f"[{', '.join(map(str, plain_value))}]"
+    return str(plain_value) or "none"
 
 
 def json_schema() -> dict[str, Any]:
@@ -155,25 +160,29 @@ def json_schema() -> dict[str, Any]:
     schema = Campaign.model_json_schema()
     definitions = schema["$defs"]
     for name, definition in list(definitions.items()):
-        definitions[name] = _settings(definition) if name not in _WRITTEN_OUT else _open(definition)
-    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **_open(schema), "title": "lvnav-trade campaign"}
+        definitions[name] = _settings_schema(definition) if name not in _INLINE_MODELS else _open_schema(definition)
+    return {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        **_open_schema(schema),
+        "title": "lvnav-trade campaign",
+    }
 
 
-def _settings(definition: dict[str, Any]) -> dict[str, Any]:
+def _settings_schema(definition: dict[str, Any]) -> dict[str, Any]:
     """Return the schema of settings that may also be the name of a card, or a card with some fields overridden."""
-    schema = _open(definition)
+    schema = _open_schema(definition)
     schema.pop("required", None)
     schema["properties"] = {"card": _CARD, **schema.get("properties", {})}
     return {"anyOf": [_CARD, schema], "description": definition.get("description", "")}
 
 
-def _open(node: Any) -> Any:
+def _open_schema(node: Any) -> Any:
     """Return the schema with `anyOf` for `oneOf`: without required keys several alternatives may fit."""
     if isinstance(node, list):
-        return [_open(item) for item in node]
+        return [_open_schema(item) for item in node]
     if not isinstance(node, dict):
         return node
-    changed = {key: _open(value) for key, value in node.items() if key != "discriminator"}
-    if "oneOf" in changed:
-        changed["anyOf"] = changed.pop("oneOf")
-    return changed
+    schema = {key: _open_schema(value) for key, value in node.items() if key != "discriminator"}
+    if "oneOf" in schema:
+        schema["anyOf"] = schema.pop("oneOf")
+    return schema

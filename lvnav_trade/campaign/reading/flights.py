@@ -10,17 +10,17 @@ from pydantic import TypeAdapter, ValidationError
 from lvnav_trade.campaign.definition.axes import Case, axis_names
 from lvnav_trade.campaign.definition.schema import Campaign
 from lvnav_trade.campaign.reading import switched
-from lvnav_trade.campaign.reading.expand import expanded
+from lvnav_trade.campaign.reading.expand import expanded_tree
 from lvnav_trade.campaign.reading.explain import explain
 from lvnav_trade.campaign.syntax import fields, tree
-from lvnav_trade.campaign.syntax.card_lookup import Shelf, nowhere
+from lvnav_trade.campaign.syntax.card_lookup import Shelf, command_line_place
 from lvnav_trade.gnss.fault_cards import AnyFault, DeadAxis, Jamming, missing_antenna, missing_axis, missing_satellite
-from lvnav_trade.gnss.satellites import left_out, satellites
+from lvnav_trade.gnss.satellites import broken_record_remarks, satellites
 from lvnav_trade.imu.array import axis_counts
 from lvnav_trade.quantities import frames
 from lvnav_trade.quantities.errors import InputError, Mistake
 from lvnav_trade.quantities.state_layout import BACKUP
-from lvnav_trade.scenario.filter_models import measured
+from lvnav_trade.scenario.filter_models import filter_measurements
 from lvnav_trade.scenario.scenario import Scenario
 from lvnav_trade.sensors.family import SENSOR_MEASUREMENTS
 from lvnav_trade.trajectory.flight import TrajectoryCard, build, identity, motion
@@ -61,8 +61,8 @@ def mistakes(campaign: Campaign, cases: Sequence[Case], events: Mapping[str, Map
         errors += _imu_and_fault_errors(campaign, case, times)
     for case in cases:
         errors += _condition_errors(campaign, case, events[case.id])
-    errors += _unmeasured(campaign, cases)
-    return list(dict.fromkeys(errors)) or list(_without_effect(campaign, cases))
+    errors += _missing_sensor_errors(campaign, cases)
+    return list(dict.fromkeys(errors)) or list(_unreceived_satellite_errors(campaign, cases))
 
 
 def _event_errors(campaign: Campaign, times: Mapping[str, float]) -> Iterator[Mistake]:
@@ -77,7 +77,7 @@ def _event_errors(campaign: Campaign, times: Mapping[str, float]) -> Iterator[Mi
     for path, event in named_events:
         if event not in times:
             suggestion = tree.hint(event, times) or f" (it has {', '.join(times)})"
-            yield campaign.written.mistake(path, f"{event!r} is not an event of the trajectory{suggestion}")
+            yield campaign.source_tree.mistake(path, f"{event!r} is not an event of the trajectory{suggestion}")
 
 
 def _requirement_errors(campaign: Campaign, case: Case, times: Mapping[str, float]) -> Iterator[Mistake]:
@@ -85,7 +85,7 @@ def _requirement_errors(campaign: Campaign, case: Case, times: Mapping[str, floa
     for index, requirement in enumerate(campaign.requirements):
         if requirement.metric.startswith(BACKUP) and not case.scenario.filter.backup:
             message = f"{requirement.metric!r}: a case has no such strapdown (filter.backup)"
-            yield campaign.written.mistake(f"requirements.{index}.metric", message)
+            yield campaign.source_tree.mistake(f"requirements.{index}.metric", message)
         ends = requirement.events
         if requirement.during and len(ends) == 2 and all(event in times for event in ends):
             begin, end = ends
@@ -93,32 +93,32 @@ def _requirement_errors(campaign: Campaign, case: Case, times: Mapping[str, floa
             t_end = times[end]
             if t_begin >= t_end:
                 message = f"the phase from {begin} ({t_begin:g} s) to {end} ({t_end:g} s) has no length"
-                yield campaign.written.mistake(f"requirements.{index}.during", message)
+                yield campaign.source_tree.mistake(f"requirements.{index}.during", message)
 
 
 def _covariance_errors(campaign: Campaign, case: Case) -> Iterator[Mistake]:
     """Yield the diagnostics of linear covariance that are not available for the filter of a case."""
     if campaign.covariance.error_bound:
         message = ""
-        if not case.scenario.filter.aided:
+        if not case.scenario.filter.is_aided:
             message = "the filter has no measurement; an error bound needs some"
-        elif "attitude" in measured(case.scenario):
+        elif "attitude" in filter_measurements(case.scenario):
             message = "not available with attitude among the measurements"
         if message:
-            yield campaign.written.mistake("covariance.error_bound", message)
+            yield campaign.source_tree.mistake("covariance.error_bound", message)
     if campaign.covariance.protection is not None:
         message = _missing_separation(case.scenario)
         if message:
-            yield campaign.written.mistake("covariance.protection", message)
+            yield campaign.source_tree.mistake("covariance.protection", message)
 
 
 def _imu_and_fault_errors(campaign: Campaign, case: Case, times: Mapping[str, float]) -> Iterator[Mistake]:
     """Yield the settings of the IMU and of faults that do not fit the trajectory or the devices of a case."""
-    for field, message in switched.of_imu(case.scenario, times):
-        yield written(campaign, case, f"base.imu.{field}", message)
+    for field, message in switched.imu_errors(case.scenario, times):
+        yield case_mistake(campaign, case, f"base.imu.{field}", message)
     for index, fault in enumerate(case.scenario.faults):
         for field, message in _fault_errors(fault, case.scenario, times):
-            yield written(campaign, case, f"base.faults.{index}.{field}", message)
+            yield case_mistake(campaign, case, f"base.faults.{index}.{field}", message)
 
 
 def _missing_separation(scenario: Scenario) -> str:
@@ -135,7 +135,7 @@ def _missing_separation(scenario: Scenario) -> str:
 
 def _fault_errors(fault: AnyFault, scenario: Scenario, events: Mapping[str, float]) -> Iterator[tuple[str, str]]:
     """Yield field and message for times outside the flight, and for unknown antennas, axes and satellites."""
-    yield from switched.of_fault(fault, scenario, events)
+    yield from switched.fault_errors(fault, scenario, events)
     n_antenna = len(scenario.receiver.antennas)
     for antenna in getattr(fault, "antennas", ()):
         if antenna > n_antenna:
@@ -154,10 +154,10 @@ def _fault_errors(fault: AnyFault, scenario: Scenario, events: Mapping[str, floa
                 yield "satellites", missing_satellite(name, names)
 
 
-def written(campaign: Campaign, case: Case, path: str, message: str) -> Mistake:
+def case_mistake(campaign: Campaign, case: Case, path: str, message: str) -> Mistake:
     """Return an input error of a case, with the place of the value: in the base, or in the level of an axis."""
     steps = path.split(".")
-    root = campaign.written.root
+    root = campaign.source_tree.root
     for index, (name, axis) in enumerate(zip(axis_names(campaign.axes), campaign.axes, strict=True)):
         varied_steps = ["base", *axis.steps]
         labels = axis.labels or ()
@@ -167,10 +167,10 @@ def written(campaign: Campaign, case: Case, path: str, message: str) -> Mistake:
             level = str(labels.index(label))
             steps = ["axes", str(index), key, level, *steps[len(varied_steps) :]]
             break
-    return campaign.written.mistake(path, message, steps)
+    return campaign.source_tree.mistake(path, message, steps)
 
 
-def located(campaign: Campaign, case: Case, mistakes: Sequence[Mistake]) -> list[Mistake]:
+def locate_mistakes(campaign: Campaign, case: Case, mistakes: Sequence[Mistake]) -> list[Mistake]:
     """Return input errors found while a case was prepared, with the places of their fields in the campaign.
 
     Paths may begin with ``base.`` or not. Errors in a data file have the line in that file already.
@@ -179,19 +179,19 @@ def located(campaign: Campaign, case: Case, mistakes: Sequence[Mistake]) -> list
     for error in mistakes:
         if error.path and not error.line:
             path = f"base.{error.path.removeprefix('base.')}"
-            error = written(campaign, case, path, error.message)
+            error = case_mistake(campaign, case, path, error.message)
         errors.append(error)
     return errors
 
 
-def remarks(cases: Sequence[Case], of_flights: Sequence[Remark]) -> dict[str, list[str]]:
+def remarks(cases: Sequence[Case], trajectory_remarks: Sequence[Remark]) -> dict[str, list[str]]:
     """Return the remarks on a valid campaign as lines, by their kind in the manifest and in JSON output.
 
     Parameters
     ----------
     cases : sequence of Case
         Cases of the campaign.
-    of_flights : sequence of Remark
+    trajectory_remarks : sequence of Remark
         Remarks on their trajectories.
 
     Returns
@@ -200,8 +200,8 @@ def remarks(cases: Sequence[Case], of_flights: Sequence[Remark]) -> dict[str, li
         Lines by kind: beyond_limits, warnings, notes.
     """
     lines = {}
-    for name, kind in KINDS.items():
-        texts = [remark.text for remark in of_flights if remark.kind == kind]
+    for name, category in KINDS.items():
+        texts = [remark.text for remark in trajectory_remarks if remark.category == category]
         lines[name] = list(dict.fromkeys(texts))
     lines["warnings"] += warnings(cases)
     lines["notes"] += _damaged_records(cases)
@@ -213,7 +213,7 @@ def _damaged_records(cases: Sequence[Case]) -> list[str]:
     constellations = {case.scenario.constellation.model_dump_json(): case.scenario.constellation for case in cases}
     lines: dict[str, None] = {}
     for constellation in constellations.values():
-        lines |= dict.fromkeys(left_out(constellation))
+        lines |= dict.fromkeys(broken_record_remarks(constellation))
     return list(lines)
 
 
@@ -235,50 +235,50 @@ def warnings(cases: Sequence[Case]) -> list[str]:
     cases, for stored gains of another trajectory, and for persistent IMU faults that no test excludes.
     """
     lines = []
-    for name, using, idle in _sensor_users(cases):
-        if using and idle:
-            labels = "; ".join(case.label for case in idle)
+    for name, user_cases, idle_cases in _sensor_users(cases):
+        if user_cases and idle_cases:
+            labels = "; ".join(case.label for case in idle_cases)
             lines.append(f"sensors.{name}: no measurement of the filter uses it in {labels}")
-    for (_, name), (index, affected, idle) in _affected_satellites(cases).items():
-        if affected and idle:
-            labels = "; ".join(case.label for case in idle)
+    for (_, name), (index, affected_cases, idle_cases) in _affected_satellites(cases).items():
+        if affected_cases and idle_cases:
+            labels = "; ".join(case.label for case in idle_cases)
             lines.append(f"faults.{index}.satellites: {name} {_NOT_RECEIVED} in {labels}")
-    for warning_of in (_other_flight, switched.unprotected):
+    for make_warning in (_stored_gain_warning, switched.unprotected_imu_warning):
         for case in cases:
-            warning = warning_of(case.scenario)
+            warning = make_warning(case.scenario)
             if warning:
                 lines.append(f"{case.label}: {warning}")
     return lines
 
 
-def _without_effect(campaign: Campaign, cases: Sequence[Case]) -> Iterator[Mistake]:
+def _unreceived_satellite_errors(campaign: Campaign, cases: Sequence[Case]) -> Iterator[Mistake]:
     """Yield the satellites named by a fault that no case receives while the fault is active."""
-    for (_, name), (index, affected, idle) in _affected_satellites(cases).items():
-        if not affected:
-            yield written(campaign, idle[0], f"base.faults.{index}.satellites", f"{name} {_NOT_RECEIVED}")
+    for (_, name), (index, affected_cases, idle_cases) in _affected_satellites(cases).items():
+        if not affected_cases:
+            yield case_mistake(campaign, idle_cases[0], f"base.faults.{index}.satellites", f"{name} {_NOT_RECEIVED}")
 
 
 class _FaultEffect(NamedTuple):
     """Cases with and without an effect of a fault on a satellite that it names."""
 
-    number: int  # of the fault, from 0
-    affected: list[Case]
-    idle: list[Case]
+    fault_index: int  # from 0
+    affected_cases: list[Case]
+    idle_cases: list[Case]
 
 
 def _affected_satellites(cases: Sequence[Case]) -> dict[tuple[str, str], _FaultEffect]:
     """Return, by fault and satellite, the cases in which the satellite is received while the fault is active."""
-    by_satellite: dict[tuple[str, str], _FaultEffect] = {}
+    effects: dict[tuple[str, str], _FaultEffect] = {}
     for case in cases:
-        for index, name, is_idle in switched.unreceived(case.scenario):
+        for index, name, is_idle in switched.satellite_fault_effects(case.scenario):
             key = (case.scenario.faults[index].model_dump_json(), name)
-            effect = by_satellite.setdefault(key, _FaultEffect(index, [], []))
-            cases_alike = effect.idle if is_idle else effect.affected
-            cases_alike.append(case)
-    return by_satellite
+            effect = effects.setdefault(key, _FaultEffect(index, [], []))
+            effect_cases = effect.idle_cases if is_idle else effect.affected_cases
+            effect_cases.append(case)
+    return effects
 
 
-def _other_flight(scenario: Scenario) -> str:
+def _stored_gain_warning(scenario: Scenario) -> str:
     """Return a warning if stored gains were computed for another trajectory, or their card does not name it."""
     gains = scenario.filter.gains
     if gains is None or gains.flight_digest == identity(scenario.trajectory):
@@ -294,8 +294,8 @@ def _sensor_users(cases: Sequence[Case]) -> Iterator[tuple[str, list[Case], list
     """Yield each sensor with the cases that use it and those that do not; control of the vehicle uses attitude."""
     names = [name for case in cases for name in case.scenario.sensors]
     for name in dict.fromkeys(names):
-        using: list[Case] = []
-        idle: list[Case] = []
+        user_cases: list[Case] = []
+        idle_cases: list[Case] = []
         for case in cases:
             card = case.scenario.sensors.get(name)
             if card is None:
@@ -303,19 +303,19 @@ def _sensor_users(cases: Sequence[Case]) -> Iterator[tuple[str, list[Case], list
             is_for_control = card.measurement == "attitude" and case.scenario.control is not None
             is_for_filter = card.measurement in case.scenario.filter.measurements
             if is_for_control or is_for_filter:
-                using.append(case)
+                user_cases.append(case)
             else:
-                idle.append(case)
-        yield name, using, idle
+                idle_cases.append(case)
+        yield name, user_cases, idle_cases
 
 
-def _unmeasured(campaign: Campaign, cases: Sequence[Case]) -> Iterator[Mistake]:
+def _missing_sensor_errors(campaign: Campaign, cases: Sequence[Case]) -> Iterator[Mistake]:
     """Yield the measurements whose sensor is null in every case."""
     for name in SENSOR_MEASUREMENTS:
-        using = [case for case in cases if name in case.scenario.filter.measurements]
-        if using and not any(name in measured(case.scenario) for case in using):
+        user_cases = [case for case in cases if name in case.scenario.filter.measurements]
+        if user_cases and not any(name in filter_measurements(case.scenario) for case in user_cases):
             message = f"no sensor of the scenario measures {name} in any case"
-            yield written(campaign, using[0], "base.filter.measurements", message)
+            yield case_mistake(campaign, user_cases[0], "base.filter.measurements", message)
 
 
 def _condition_errors(campaign: Campaign, case: Case, events: Mapping[str, float]) -> Iterator[Mistake]:
@@ -326,11 +326,11 @@ def _condition_errors(campaign: Campaign, case: Case, events: Mapping[str, float
         path = f"base.sensors.{name}"
         reason = card.refusal(case.scenario.trajectory.epoch)
         if reason:
-            yield written(campaign, case, path, reason)
-        for field, message in switched.of_sensor(card, case.scenario, events):
-            yield written(campaign, case, f"{path}.{field}" if field else path, message)
-    for field, message in switched.of_filter(case.scenario, events):
-        yield written(campaign, case, f"base.filter.{field}", message)
+            yield case_mistake(campaign, case, path, reason)
+        for field, message in switched.sensor_errors(card, case.scenario, events):
+            yield case_mistake(campaign, case, f"{path}.{field}" if field else path, message)
+    for field, message in switched.filter_errors(case.scenario, events):
+        yield case_mistake(campaign, case, f"base.filter.{field}", message)
 
 
 _STEP = 1.0  # s between points of a preview
@@ -350,12 +350,12 @@ def read_card(name: str, folder: Path) -> TrajectoryCard:
     Cards of the user are searched for in `folder` and in its folder `configs`. InputError if there is no such card, or
     if it is not valid.
     """
-    kind: Any = Scenario.model_fields["trajectory"].annotation
-    node = expanded(tree.Node(name, nowhere(name)), kind, Shelf.of(folder), "trajectory")
+    annotation: Any = Scenario.model_fields["trajectory"].annotation
+    node = expanded_tree(tree.Node(name, command_line_place(name)), annotation, Shelf.from_folder(folder), "trajectory")
     try:
-        return TypeAdapter(kind).validate_python(tree.plain(node))
+        return TypeAdapter(annotation).validate_python(tree.plain_data(node))
     except ValidationError as error:
-        raise InputError(records=explain(error, node, fields.member(kind, node), "trajectory")) from None
+        raise InputError(records=explain(error, node, fields.member(annotation, node), "trajectory")) from None
 
 
 def preview(card: TrajectoryCard) -> Preview:

@@ -8,14 +8,22 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from lvnav_trade.campaign.definition.schema import Axis, ByRule, Campaign
-from lvnav_trade.campaign.reading.spaced import SAMPLED, AxisEnds, between, ends_of, points, with_values, written
+from lvnav_trade.campaign.definition.schema import Axis, Campaign, SpaceDefinition
+from lvnav_trade.campaign.reading.spaced import (
+    SAMPLED,
+    AxisEnds,
+    expand_axis,
+    interpolate,
+    parse_ends,
+    points,
+    with_values,
+)
 from lvnav_trade.campaign.syntax import tree
 from lvnav_trade.campaign.syntax.tree import Node, find, mistake_at, refuse
 from lvnav_trade.quantities.errors import InputError, Mistake, quoted
 from lvnav_trade.quantities.input_limits import CASES, DESIGNS
 from lvnav_trade.quantities.records import Floats
-from lvnav_trade.results.statistics.display_units import split
+from lvnav_trade.results.statistics.display_units import split_quantity
 
 ROWS = ("metrics", "events")
 """Values of `store` with one row per design."""
@@ -38,7 +46,7 @@ class Rule(NamedTuple):
     ends: tuple[tuple[AxisEnds, bool] | None, ...]
 
 
-def ruled(root: Node) -> tuple[Rule | None, Node]:
+def read_rule(root: Node) -> tuple[Rule | None, Node]:
     """Return the rule of a design space, and the tree of a campaign of the ends of its axes.
 
     A campaign is a design space if its setting `store` says so, or if it has more cases than can be stored completely.
@@ -76,12 +84,12 @@ def ruled(root: Node) -> tuple[Rule | None, Node]:
     exceeds_cases = isinstance(samples, int) and not isinstance(samples, bool) and samples > CASES
     if not store and design != "grid" and not exceeds_cases:
         return None, root
-    axes_at_ends, ends = [], []
+    end_axes, ends = [], []
     for index, axis in enumerate(axes.value):
-        axis_at_ends, axis_ends = _ends(axis, index, design)
-        axes_at_ends.append(axis_at_ends)
+        end_axis, axis_ends = _ends(axis, index, design)
+        end_axes.append(end_axis)
         ends.append(axis_ends)
-    grid_size = math.prod(_level_count(axis) for axis in axes_at_ends)
+    grid_size = math.prod(_level_count(axis) for axis in end_axes)
     if not store and design == "grid" and grid_size <= CASES:
         return None, root
     _check_count(root, design, samples, grid_size)
@@ -92,10 +100,10 @@ def ruled(root: Node) -> tuple[Rule | None, Node]:
         ends=tuple(ends),
     )
     place = axes.place
-    root = tree.with_child(root, "axes", Node(axes_at_ends, place), root.keys["axes"])
-    root = tree.put(root, ["design"], Node("one_at_a_time", place))
+    root = tree.with_child(root, "axes", Node(end_axes, place), root.keys["axes"])
+    root = tree.with_node(root, ["design"], Node("one_at_a_time", place))
     if samples_node is not None:
-        root = tree.put(root, ["samples"], Node(None, place))
+        root = tree.with_node(root, ["samples"], Node(None, place))
     return rule, root
 
 
@@ -153,42 +161,42 @@ def _ends(axis: Node, index: int, design: str) -> tuple[Node, tuple[AxisEnds, bo
     """Return an axis with its limits or levels as a list, and the limits if it is sampled between them."""
     limits = find(axis, ["between"]) if axis.is_map else None
     if limits is None or limits.value is None or design == "grid":
-        return written(axis, index), None
+        return expand_axis(axis, index), None
     log = find(axis, ["log"])
     is_log = bool(log is not None and log.value)
     try:
-        limit_values = tree.plain(limits)
+        limit_values = tree.plain_data(limits)
         if not isinstance(limit_values, list) or len(limit_values) != 2:
             raise ValueError("should be [least, largest]")
-        ends = ends_of(limit_values)._replace(whole=False)
-        values = between(np.array([0.0, 1.0]), ends, is_log)
+        ends = parse_ends(limit_values)._replace(is_integer=False)
+        values = interpolate(np.array([0.0, 1.0]), ends, is_log)
     except ValueError as error:
         raise refuse(limits.place, f"axes.{index}.between", str(error)) from None
     texts = [ends.text(float(value)) for value in values]
-    axis_at_ends = with_values(axis, "between", texts)
-    return axis_at_ends, (ends, is_log)
+    end_axis = with_values(axis, "between", texts)
+    return end_axis, (ends, is_log)
 
 
-def with_designs(at_ends: Campaign, rule: Rule) -> Campaign:
+def with_designs(ends_campaign: Campaign, rule: Rule) -> Campaign:
     """Return the design space of a rule from the campaign of the ends of its axes, which becomes its `probe`.
 
     Every sampled axis has one value per sample, in SI, and a label in the unit of the campaign file. The axes of a grid
     have their levels.
     """
     update: dict[str, Any] = {"design": rule.design, "samples": rule.samples, "store": rule.store}
-    axes = tuple(at_ends.axes)
+    axes = tuple(ends_campaign.axes)
     if rule.samples is not None:
-        unit_cube = points(rule.design, len(axes), rule.samples, at_ends.seed)
+        unit_cube = points(rule.design, len(axes), rule.samples, ends_campaign.seed)
         coordinates = zip(axes, rule.ends, unit_cube.T, strict=True)
-        update["axes"] = tuple(_sampled(axis, ends, coordinate) for axis, ends, coordinate in coordinates)
-    space = at_ends.model_copy(update=update)
+        update["axes"] = tuple(_sampled_axis(axis, ends, coordinate) for axis, ends, coordinate in coordinates)
+    space = ends_campaign.model_copy(update=update)
     unconditional_axes = tuple(axis.model_copy(update={"when": {}}) for axis in axes)
-    probe = at_ends.model_copy(update={"exclude": (), "constraints": (), "axes": unconditional_axes})
-    written_axes = []
+    probe = ends_campaign.model_copy(update={"exclude": (), "constraints": (), "axes": unconditional_axes})
+    rule_axes = []
     for axis, ends in zip(axes, rule.ends, strict=True):
-        written_axis = axis if ends is None else axis.model_copy(update=_written_fields(ends))
-        written_axes.append(written_axis)
-    space._by_rule = ByRule(tuple(written_axes), probe)
+        rule_axis = axis if ends is None else axis.model_copy(update=_written_fields(ends))
+        rule_axes.append(rule_axis)
+    space._space_definition = SpaceDefinition(tuple(rule_axes), probe)
     return space
 
 
@@ -203,7 +211,7 @@ def _written_fields(ends: tuple[AxisEnds, bool]) -> dict[str, Any]:
     }
 
 
-def _sampled(axis: Axis, ends: tuple[AxisEnds, bool] | None, coordinate: Floats) -> Axis:
+def _sampled_axis(axis: Axis, ends: tuple[AxisEnds, bool] | None, coordinate: Floats) -> Axis:
     """Return an axis with one value per sample.
 
     Parameters
@@ -226,20 +234,20 @@ def _sampled(axis: Axis, ends: tuple[AxisEnds, bool] | None, coordinate: Floats)
         labels = [all_labels[level] for level in levels]
     else:
         limits, is_log = ends
-        values = between(coordinate, limits, is_log).tolist()
+        values = interpolate(coordinate, limits, is_log).tolist()
         labels = [f"{value:.6g} {limits.unit}".rstrip() for value in values]
-        least, largest = axis.values or (0.0, 1.0)
-        least_si = split(least)
-        largest_si = split(largest)
-        if least_si is not None and largest_si is not None:  # quantities, not numbers without a unit
-            unit = least_si[1]
-            limits_si = AxisEnds(least_si[0], largest_si[0], unit, False)
-            values_si = between(coordinate, limits_si, is_log).tolist()
+        lower_limit, upper_limit = axis.values or (0.0, 1.0)
+        lower_limit_si = split_quantity(lower_limit)
+        upper_limit_si = split_quantity(upper_limit)
+        if lower_limit_si is not None and upper_limit_si is not None:  # quantities, not numbers without a unit
+            unit = lower_limit_si[1]
+            limits_si = AxisEnds(lower_limit_si[0], upper_limit_si[0], unit, False)
+            values_si = interpolate(coordinate, limits_si, is_log).tolist()
             values = [f"{value!r} {unit}" for value in values_si]
     return axis.model_copy(update={"values": tuple(values), "labels": tuple(labels)})
 
 
-def choice_of_runs(campaign: Campaign, root: Node) -> Iterator[Mistake]:
+def run_choice_errors(campaign: Campaign, root: Node) -> Iterator[Mistake]:
     """Yield the settings of `monte_carlo` that select cases and have no effect on this campaign.
 
     A design space ignores `selected`; other campaigns ignore `cases` and `most_cases`.

@@ -27,18 +27,18 @@ class AxisEnds(NamedTuple):
     first: float  # first value, in `unit`
     last: float  # last value, in `unit`
     unit: str  # unit of both; empty for numbers without unit
-    whole: bool  # whether both are whole numbers
+    is_integer: bool  # whether both are whole numbers
 
     def text(self, value: float) -> Any:
         """Return a value as written in a campaign: a quantity with the unit, or a number."""
         if self.unit:
             return f"{value:.{_DIGITS}g} {self.unit}"
-        if self.whole and math.isclose(value, round(value)):
+        if self.is_integer and math.isclose(value, round(value)):
             return round(value)
         return float(f"{value:.{_DIGITS}g}")
 
 
-def spaced(root: Node) -> tuple[Node, list[Mistake]]:
+def expand_axes(root: Node) -> tuple[Node, list[Mistake]]:
     """Return the campaign's tree with a list of values in every axis, and the input errors.
 
     A sampled design becomes a zip of its points.
@@ -52,22 +52,22 @@ def spaced(root: Node) -> tuple[Node, list[Mistake]]:
     mistakes: list[Mistake] = []
     try:
         if design in SAMPLED:
-            axes = _sampled(root, design, axes)
-            root = tree.put(root, ["design"], Node("zip", node.place))
-            root = tree.without(root, "samples")
+            axes = _sampled_axes(root, design, axes)
+            root = tree.with_node(root, ["design"], Node("zip", node.place))
+            root = tree.without_key(root, "samples")
         else:
             samples = find(root, ["samples"])
             if samples is not None and samples.value is not None:
                 message = f"no effect: of the designs {' and '.join(SAMPLED[:2])} only"
                 raise refuse(samples.place, "samples", message)
-            axes = [written(axis, index) for index, axis in enumerate(axes)]
+            axes = [expand_axis(axis, index) for index, axis in enumerate(axes)]
     except InputError as error:
         mistakes += error.records
     complete_root = tree.with_child(root, "axes", Node(axes, node.place), root.keys["axes"])
     return complete_root, mistakes
 
 
-def written(axis: Node, index: int) -> Node:
+def expand_axis(axis: Node, index: int) -> Node:
     """Return an axis with linspace, logspace or range replaced by a list of values.
 
     Parameters
@@ -120,10 +120,10 @@ def _with_rule_values(
         The rule is not valid.
     """
     try:
-        numbers = tree.plain(rule)
+        numbers = tree.plain_data(rule)
         if not isinstance(numbers, list) or len(numbers) != 3:
             raise ValueError(f"should be [first, last, {'step' if key == 'range' else 'count'}]")
-        ends = ends_of(numbers[:2])
+        ends = parse_ends(numbers[:2])
         values = make_values(numbers, ends)
     except ValueError as error:
         raise refuse(rule.place, f"axes.{index}.{key}", str(error)) from None
@@ -134,15 +134,15 @@ def with_values(axis: Node, key: str, values: Sequence[Any]) -> Node:
     """Return an axis with a list of values in place of the rule `key`, such as linspace."""
     place = axis.keys[key]
     children = Node([Node(value, place) for value in values], place)
-    axis = tree.without(axis, key)
+    axis = tree.without_key(axis, key)
     if "log" in axis.value:
-        axis = tree.without(axis, "log")
+        axis = tree.without_key(axis, "log")
     return tree.with_child(axis, "values", children, place)
 
 
-def ends_of(parts: Sequence[Any]) -> AxisEnds:
+def parse_ends(limits: Sequence[Any]) -> AxisEnds:
     """Return the ends of an axis; ValueError unless they are two numbers or two quantities in the same unit."""
-    first, last = (_quantity(end) for end in parts[:2])
+    first, last = (_quantity(end) for end in limits[:2])
     if first is None or last is None:
         raise ValueError("should begin and end with numbers, or quantities such as '0.1 deg'")
     (first_number, first_unit), (last_number, last_unit) = first, last
@@ -152,7 +152,7 @@ def ends_of(parts: Sequence[Any]) -> AxisEnds:
         raise ValueError("should begin and end with numbers that are not beyond all bounds")
     if first_number == last_number:
         raise ValueError("begins where it ends")
-    return AxisEnds(first_number, last_number, first_unit, whole=all(isinstance(end, int) for end in parts))
+    return AxisEnds(first_number, last_number, first_unit, is_integer=all(isinstance(end, int) for end in limits))
 
 
 def _quantity(value: Any) -> tuple[float, str] | None:
@@ -167,16 +167,16 @@ def _count(value: Any) -> int:
     return value
 
 
-def _linspace(parts: Sequence[Any], ends: AxisEnds) -> Floats:
-    return np.linspace(ends.first, ends.last, _count(parts[2]))
+def _linspace(numbers: Sequence[Any], ends: AxisEnds) -> Floats:
+    return np.linspace(ends.first, ends.last, _count(numbers[2]))
 
 
-def _logspace(parts: Sequence[Any], ends: AxisEnds) -> Floats:
-    return between(np.linspace(0.0, 1.0, _count(parts[2])), ends, log=True)
+def _logspace(numbers: Sequence[Any], ends: AxisEnds) -> Floats:
+    return interpolate(np.linspace(0.0, 1.0, _count(numbers[2])), ends, is_log=True)
 
 
-def _range(parts: Sequence[Any], ends: AxisEnds) -> Floats:
-    quantity = _quantity(parts[2])
+def _range(numbers: Sequence[Any], ends: AxisEnds) -> Floats:
+    quantity = _quantity(numbers[2])
     if quantity is None or quantity[1] != ends.unit:
         unit = f" ({ends.unit})" if ends.unit else ""
         raise ValueError(f"needs a step in the unit of its ends{unit}")
@@ -199,7 +199,7 @@ _RULES: dict[str, Callable[[Sequence[Any], AxisEnds], Floats]] = {
 }
 
 
-def between(fraction: Floats, ends: AxisEnds, log: bool) -> Floats:
+def interpolate(fraction: Floats, ends: AxisEnds, is_log: bool) -> Floats:
     """Return the values at fractions of the interval between the ends, or of its logarithm.
 
     Parameters
@@ -208,7 +208,7 @@ def between(fraction: Floats, ends: AxisEnds, log: bool) -> Floats:
         Fractions between 0 and 1.
     ends : AxisEnds
         Ends of the interval.
-    log : bool
+    is_log : bool
         Whether the fractions are those of the logarithm.
 
     Returns
@@ -221,7 +221,7 @@ def between(fraction: Floats, ends: AxisEnds, log: bool) -> Floats:
     ValueError
         An end of a logarithmic interval is not above zero.
     """
-    if not log:
+    if not is_log:
         return ends.first + fraction * (ends.last - ends.first)
     if min(ends.first, ends.last) <= 0.0:
         raise ValueError("a logarithm needs ends above zero")
@@ -231,12 +231,12 @@ def between(fraction: Floats, ends: AxisEnds, log: bool) -> Floats:
 # --- samples ----------------------------------------------------------------------------------------------------------
 
 
-def points(kind: str, dimensions: int, count: int, seed: int) -> Floats:
+def points(design: str, dimensions: int, count: int, seed: int) -> Floats:
     """Return the points of a design in the unit cube.
 
     Parameters
     ----------
-    kind : str
+    design : str
         ``latin_hypercube``, ``sobol`` (scrambled) or ``box_behnken``.
     dimensions : int
         Number of axes.
@@ -255,11 +255,11 @@ def points(kind: str, dimensions: int, count: int, seed: int) -> Floats:
     ValueError
         There is no such design.
     """
-    if kind == "box_behnken":
+    if design == "box_behnken":
         return _box_behnken(dimensions)
     from scipy.stats import qmc  # half a second of every process, for few campaigns
 
-    if kind == "sobol":
+    if design == "sobol":
         is_power_of_two = count & (count - 1) == 0
         if not is_power_of_two:
             next_power = 2 ** count.bit_length()
@@ -286,19 +286,19 @@ def _box_behnken(dimensions: int) -> Floats:
     return np.array(design)
 
 
-def _sampled(root: Node, kind: str, axes: Sequence[Node]) -> list[Node]:
+def _sampled_axes(root: Node, design: str, axes: Sequence[Node]) -> list[Node]:
     """Return the axes with one value per point of a sampled design."""
     samples = find(root, ["samples"])
     seed = find(root, ["seed"])
     try:
-        if kind == "box_behnken" and samples is not None:
+        if design == "box_behnken" and samples is not None:
             raise ValueError("no effect: the number of axes decides how many points a Box-Behnken design has")
-        required = samples.value if samples is not None else None
-        if isinstance(required, int) and CASES < required <= DESIGNS:
-            raise ValueError(f"{required} cases; at most {CASES} are stored whole: give `store: metrics`")
-        count = 2 if kind == "box_behnken" else _count(required)
+        sample_count = samples.value if samples is not None else None
+        if isinstance(sample_count, int) and CASES < sample_count <= DESIGNS:
+            raise ValueError(f"{sample_count} cases; at most {CASES} are stored whole: give `store: metrics`")
+        count = 2 if design == "box_behnken" else _count(sample_count)
         seed_number = seed.value if seed is not None and isinstance(seed.value, int) else 0
-        unit_cube = points(kind, len(axes), count, seed_number)
+        unit_cube = points(design, len(axes), count, seed_number)
     except ValueError as error:
         raise InputError(records=[mistake_at(root, "samples", str(error))]) from None
     sampled_axes = []
@@ -316,27 +316,27 @@ def _sampled_axis(axis: Node, index: int, fraction: Floats) -> Node:
     if limits_node is not None and limits_node.value is not None:
         log = find(axis, ["log"])
         try:
-            limits = tree.plain(limits_node)
+            limits = tree.plain_data(limits_node)
             if not isinstance(limits, list) or len(limits) != 2:
                 raise ValueError("should be [least, largest]")
-            ends = ends_of(limits)._replace(whole=False)
+            ends = parse_ends(limits)._replace(is_integer=False)
             is_log = bool(log is not None and log.value)
-            values = between(fraction, ends, is_log)
+            values = interpolate(fraction, ends, is_log)
         except ValueError as error:
             raise refuse(limits_node.place, f"axes.{index}.between", str(error)) from None
         texts = [ends.text(float(value)) for value in values]
         return with_values(axis, "between", texts)
-    axis = written(axis, index)
+    axis = expand_axis(axis, index)
     key = "cards" if "cards" in axis.value else "values"
     levels = axis.value.get(key)
     if levels is None or not levels.is_list or not levels.value:
         return axis
     n_levels = len(levels.value)
-    chosen = np.minimum((fraction * n_levels).astype(int), n_levels - 1)
-    sampled_levels = Node([levels.value[k] for k in chosen], levels.place)
+    level_indices = np.minimum((fraction * n_levels).astype(int), n_levels - 1)
+    sampled_levels = Node([levels.value[k] for k in level_indices], levels.place)
     sampled_axis = tree.with_child(axis, key, sampled_levels, axis.keys[key])
     labels = find(axis, ["labels"])
     if labels is None or not labels.is_list or len(labels.value) != n_levels:
         return sampled_axis
-    sampled_labels = Node([labels.value[k] for k in chosen], labels.place)
+    sampled_labels = Node([labels.value[k] for k in level_indices], labels.place)
     return tree.with_child(sampled_axis, "labels", sampled_labels, axis.keys["labels"])

@@ -10,11 +10,11 @@ from typing import Any, NamedTuple
 from lvnav_trade.campaign.syntax import tree
 from lvnav_trade.campaign.syntax.card_lookup import Shelf
 from lvnav_trade.quantities.errors import InputError, writing
-from lvnav_trade.trajectory.export import difference, exported
+from lvnav_trade.trajectory.export import difference, export_trajectory
 from lvnav_trade.trajectory.files import guesses, table_flight
 from lvnav_trade.trajectory.files.columns import TableTrajectory
-from lvnav_trade.trajectory.files.first_rows import axes_remark, readings, rest_end
-from lvnav_trade.trajectory.files.rows import pairs, read_rows, si
+from lvnav_trade.trajectory.files.first_rows import axes_remark, interpretations, rest_end
+from lvnav_trade.trajectory.files.rows import read_rows, row_pair_times, si_factor
 from lvnav_trade.trajectory.flight import TrajectoryCard, build
 
 
@@ -55,15 +55,15 @@ def write_flight(card: TrajectoryCard, file: Path, rate: float) -> WrittenTrajec
             f"{file}: the rows are written as CSV, and the card next to them as {card_file.name}; end it in .csv"
         )
     refuse_existing(file, card_file)
-    export = exported(card, file.name, file.stem, rate)
+    export = export_trajectory(card, file.name, file.stem, rate)
     with writing(file, "the trajectory cannot be written there"):
         write_new(file, export.text)
         write_new(card_file, tree.dump(export.card))
     # a superposed oscillation is not exported, so the comparison is made without it
-    smooth = export.card | {"file": os.fspath(file), "oscillation": (), "named_times": {}}
-    rebuilt = build(TableTrajectory.model_validate(smooth))
-    events = {name: time for name, time in rebuilt.events.items() if name in export.card["events"]}
-    return WrittenTrajectory(file, card_file, events, difference(export.flight, rebuilt))
+    card_fields = export.card | {"file": os.fspath(file), "oscillation": (), "named_times": {}}
+    file_trajectory = build(TableTrajectory.model_validate(card_fields))
+    events = {name: time for name, time in file_trajectory.events.items() if name in export.card["events"]}
+    return WrittenTrajectory(file, card_file, events, difference(export.flight, file_trajectory))
 
 
 def refuse_existing(*files: Path) -> None:
@@ -81,13 +81,13 @@ def write_new(file: Path, text: str) -> None:
 
 def is_card(name: str, folder: Path) -> bool:
     """Whether a name refers to a trajectory card: its file has a `kind`, which no campaign has."""
-    file = Shelf.of(folder).find(name, folder)
+    file = Shelf.from_folder(folder).find(name, folder)
     return file is not None and "kind" in tree.read_mapping(file).value
 
 
 EPOCH = "2027-01-01T12:00:00Z"
 _INJECTION = "injection"
-_SAME = 1.0  # s; a lift-off closer to zero is not written
+_LIFTOFF_TOLERANCE = 1.0  # s; a lift-off closer to zero is not written
 _CAMPAIGN = """\
 # A first campaign: change what does not fit; `lvnav-trade fields base` lists everything.
 name: {name}
@@ -150,100 +150,100 @@ def start(folder: Path, file: Path, epoch: str | None = None, time: str | None =
     if not file.is_file():
         raise InputError(f"{file}: no such file")
     settings = {"name": name, "source": "-", "epoch": epoch or EPOCH, "file": os.fspath(file.resolve())}
-    guessed = guesses.guess(str(file), time)
-    settings |= _contents(guessed)
+    column_guesses = guesses.guess(str(file), time)
+    settings |= _contents(column_guesses)
     table = _paired_table(settings)
-    guessed = _with_liftoff(guessed, table)
-    clock = None if epoch else guesses.epoch_of(str(file), guessed, EPOCH)
+    column_guesses = _with_liftoff(column_guesses, table)
+    clock = None if epoch else guesses.guess_epoch(str(file), column_guesses, EPOCH)
     if clock is not None:
         settings["epoch"] = clock[0]
         table = _paired_table(settings)
-    guessed = [_with_axes(guess, table) for guess in guessed]
-    settings |= _contents(guessed)
+    column_guesses = [_with_axes(guess, table) for guess in column_guesses]
+    settings |= _contents(column_guesses)
     table = _paired_table(settings)
-    events = _with_injection(table_flight.suggested(table))
-    guessed = _with_attitude(guessed, settings | {"events": events})
+    events = _with_injection(table_flight.suggest_file_events(table))
+    column_guesses = _with_attitude(column_guesses, settings | {"events": events})
     guessed_epoch = clock or (EPOCH, "assumed")
     epoch_and_reason = (epoch, "") if epoch else guessed_epoch
-    hold = "60 s" if table_flight.at_rest(table) else "0 s"
+    hold = "60 s" if table_flight.is_at_rest(table) else "0 s"
     with writing(folder, "the campaign cannot be written there"):
         card.parent.mkdir(parents=True, exist_ok=True)
         relative_path = os.path.relpath(file.resolve(), card.parent.resolve())
         place = Path(relative_path).as_posix()
-        unused_columns = guesses.left_out(str(file), guessed)
-        card_text = _card(name, place, epoch_and_reason, guessed, unused_columns, events, hold)
+        unused_columns = guesses.unused_columns(str(file), column_guesses)
+        card_text = _card(name, place, epoch_and_reason, column_guesses, unused_columns, events, hold)
         write_new(card, card_text)
         event = _INJECTION if _INJECTION in events else "end"
         campaign_text = _CAMPAIGN.format(name=name, event=event)
         write_new(campaign, campaign_text)
-    return FirstCampaign(campaign, card, tuple(guessed), events)
+    return FirstCampaign(campaign, card, tuple(column_guesses), events)
 
 
-def _contents(guessed: list[guesses.Guess]) -> dict[str, Any]:
+def _contents(column_guesses: list[guesses.Guess]) -> dict[str, Any]:
     """Return the guessed settings, without the attitude, which needs the events too."""
-    return {guess.part: guess.content for guess in guessed if guess.part != "attitude"}
+    return {guess.field: guess.content for guess in column_guesses if guess.field != "attitude"}
 
 
 def _paired_table(settings: dict[str, Any]) -> TableTrajectory:
     """Return the card of the settings, with an event at each time for which the table has two rows."""
     table = TableTrajectory.model_validate(settings)
-    times = pairs(table)
+    times = row_pair_times(table)
     events = {f"pair_{number}": f"{time!r} s" for number, time in enumerate(times)}
     return TableTrajectory.model_validate(settings | {"events": events})
 
 
-def _with_liftoff(guessed: list[guesses.Guess], card: TableTrajectory) -> list[guesses.Guess]:
+def _with_liftoff(column_guesses: list[guesses.Guess], card: TableTrajectory) -> list[guesses.Guess]:
     """Return the guesses with the value of the time column at lift-off, unless it is zero."""
     rows = read_rows(card)
     end_of_rest = rest_end(rows)
     t_liftoff = float(rows.t[0]) if end_of_rest is None else end_of_rest
-    time = next(guess for guess in guessed if guess.part == "time")
+    time = next(guess for guess in column_guesses if guess.field == "time")
     is_duration = end_of_rest is None and not guesses.is_clock(time.content["column"])
-    if abs(t_liftoff) <= _SAME or is_duration:
-        return guessed
-    in_unit_of_column = t_liftoff / si(card.time.unit, "s")
+    if abs(t_liftoff) <= _LIFTOFF_TOLERANCE or is_duration:
+        return column_guesses
+    liftoff_number = t_liftoff / si_factor(card.time.unit, "s")
     reason = "the first row, assumed" if end_of_rest is None else "the vehicle rests until then"
-    liftoff = float(f"{in_unit_of_column:.12g}")
-    changed = time._replace(
+    liftoff = float(f"{liftoff_number:.12g}")
+    time_with_liftoff = time._replace(
         content=time.content | {"liftoff": liftoff},
-        why=f"{time.why}; lift-off: {reason}",
+        reason=f"{time.reason}; lift-off: {reason}",
     )
-    return [changed if guess is time else guess for guess in guessed]
+    return [time_with_liftoff if guess is time else guess for guess in column_guesses]
 
 
 def _with_axes(guess: guesses.Guess, card: TableTrajectory) -> guesses.Guess:
     """Return a guess of inertial axes (of date or J2000) corrected so that the vehicle rests in the first row."""
-    if guess.part not in ("position", "velocity") or guess.content["frame"] != "eci":
+    if guess.field not in ("position", "velocity") or guess.content["frame"] != "eci":
         return guess
     if not axes_remark(card, read_rows(card)):
         return guess
     content = guess.content | {"frame": "j2000"}
-    return guess._replace(content=content, why=f"{guess.why}; the first row rests in J2000")
+    return guess._replace(content=content, reason=f"{guess.reason}; the first row rests in J2000")
 
 
-def _with_attitude(guessed: list[guesses.Guess], settings: dict[str, Any]) -> list[guesses.Guess]:
+def _with_attitude(column_guesses: list[guesses.Guess], settings: dict[str, Any]) -> list[guesses.Guess]:
     """Return the guesses with the best interpretation of attitude columns, or without attitude if none is valid.
 
     The best interpretation is that in which the body x axis is closest to the specific force, because a launch
     vehicle thrusts along its x axis.
     """
-    completed = []
-    for guess in guessed:
-        if guess.part != "attitude":
-            completed.append(guess)
+    complete_guesses = []
+    for guess in column_guesses:
+        if guess.field != "attitude":
+            complete_guesses.append(guess)
             continue
-        valid: list[tuple[float, dict[str, Any]]] = []
-        for content in readings(guess.content):
+        candidates: list[tuple[float, dict[str, Any]]] = []
+        for content in interpretations(guess.content):
             with suppress(InputError):
                 table = TableTrajectory.model_validate(settings | {"attitude": content})
-                flight = table_flight.from_table(table)
+                flight = table_flight.build_table_flight(table)
                 angle = float(flight.facts["force_off_roll_axis_median_rad"])
-                valid.append((angle, content))
-        if valid:
-            angle, content = min(valid, key=lambda entry: entry[0])
-            why = f"so the x axis lies {math.degrees(angle):.1f} deg off the forces; frame eci hinges on the epoch"
-            completed.append(guess._replace(content=content, why=why))
-    return completed
+                candidates.append((angle, content))
+        if candidates:
+            angle, content = min(candidates, key=lambda entry: entry[0])
+            reason = f"so the x axis lies {math.degrees(angle):.1f} deg off the forces; frame eci hinges on the epoch"
+            complete_guesses.append(guess._replace(content=content, reason=reason))
+    return complete_guesses
 
 
 def _with_injection(events: dict[str, str]) -> dict[str, str]:
@@ -258,7 +258,7 @@ def _card(
     name: str,
     place: str,
     epoch_and_reason: tuple[str, str],
-    guessed: list[guesses.Guess],
+    column_guesses: list[guesses.Guess],
     unused_columns: list[str],
     events: dict[str, str],
     hold: str,
@@ -273,7 +273,7 @@ def _card(
         Path of the file, as written in the card.
     epoch_and_reason : (str, str)
         Epoch of lift-off, and the reason of the guess; the reason is empty if the user gave the epoch.
-    guessed : list of guesses.Guess
+    column_guesses : list of guesses.Guess
         Guesses of the other fields.
     unused_columns : list of str
         Columns of the file that the card does not use.
@@ -292,8 +292,10 @@ def _card(
         f"epoch: {json.dumps(epoch)}" + (f"   # of lift-off: {reason}" if reason else ""),
         f"file: {json.dumps(place)}",
     ]
-    lines += [f"{guess.part}: {json.dumps(guess.content, ensure_ascii=False)}   # {guess.why}" for guess in guessed]
-    if all(guess.part != "attitude" for guess in guessed):
+    lines += [
+        f"{guess.field}: {json.dumps(guess.content, ensure_ascii=False)}   # {guess.reason}" for guess in column_guesses
+    ]
+    if all(guess.field != "attitude" for guess in column_guesses):
         lines.append("# attitude: along the specific force, as no columns of the file fit that")
     if unused_columns:
         lines.append(f"# left out: {json.dumps(unused_columns, ensure_ascii=False)}")

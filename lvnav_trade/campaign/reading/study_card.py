@@ -13,17 +13,17 @@ from pydantic import Field, ValidationError, field_validator
 from lvnav_trade.campaign.definition.metric_names import ERROR_UNITS
 from lvnav_trade.campaign.definition.published_cards import Case
 from lvnav_trade.campaign.definition.schema import Campaign, MonteCarlo
-from lvnav_trade.campaign.reading.checks import of_study
+from lvnav_trade.campaign.reading.checks import section_errors
 from lvnav_trade.campaign.reading.explain import explain
 from lvnav_trade.campaign.reading.load import load
 from lvnav_trade.campaign.syntax import tree
-from lvnav_trade.campaign.syntax.card_lookup import shipped
+from lvnav_trade.campaign.syntax.card_lookup import tool_folder
 from lvnav_trade.campaign.syntax.tree import SourceTree
 from lvnav_trade.quantities.errors import InputError, Mistake, quoted, refuse_all
 from lvnav_trade.quantities.units import Card, parse
 
 FILE = "study.yaml"
-Shown = Literal["requirements", "logic", "coverage", "paired", "error_bound", "integrity", "tested_errors"]
+TableName = Literal["requirements", "logic", "coverage", "paired", "error_bound", "integrity", "tested_errors"]
 
 
 FIGURES = (
@@ -66,7 +66,7 @@ class StudyCampaign(Card):
     question: str = Field("", description="question of the campaign; its description if absent")
     figures: tuple[CampaignFigure, ...] = ()  # of this campaign, in order
     text: str = Field("", description="comment on the results")
-    tables: tuple[Shown, ...] = Field((), description="tables of the campaign that the study shows")
+    tables: tuple[TableName, ...] = Field((), description="tables of the campaign that the study shows")
     paired: str = Field("", description="axis whose levels are compared run by run, on the same draws")
     kml: Case | None = Field(
         None,
@@ -98,12 +98,12 @@ class PrintedTable(Card):
         """Accept the text of an item as a cell."""
         if not isinstance(rows, dict):
             return rows
-        converted = {}
+        cells_by_row = {}
         for label, cells in rows.items():
             if isinstance(cells, list | tuple):
                 cells = [{"item": cell} if isinstance(cell, str) else cell for cell in cells]
-            converted[label] = cells
-        return converted
+            cells_by_row[label] = cells
+        return cells_by_row
 
     def _faults(self) -> Iterator[str]:
         for label, cells in self.rows.items():
@@ -145,20 +145,20 @@ class StudyCard(Card):
 class StudySection(NamedTuple):
     """A campaign of a study with its section of the report.
 
-    part : Section of study.yaml for this campaign.
+    study_campaign : Section of study.yaml for this campaign.
     campaign : The campaign.
-    written : Places of the settings in study.yaml.
+    source_tree : Places of the settings in study.yaml.
     path : Path of the section in study.yaml.
     """
 
-    part: StudyCampaign
+    study_campaign: StudyCampaign
     campaign: Campaign
-    written: SourceTree = SourceTree()
+    source_tree: SourceTree = SourceTree()
     path: str = ""
 
     def mistake(self, path: str, message: str) -> Mistake:
         """Return an input error at a path below the section."""
-        return self.written.mistake(f"{self.path}.{path}", message)
+        return self.source_tree.mistake(f"{self.path}.{path}", message)
 
 
 def load_study(
@@ -190,19 +190,19 @@ def load_study(
     if not files:
         raise InputError(f"{folder}: no campaigns here")
     study_file = place / FILE
-    written = SourceTree(tree.read_mapping(study_file)) if study_file.is_file() else SourceTree()
-    study = _read(place, tuple(files), written.root)
+    source_tree = SourceTree(tree.read_mapping(study_file)) if study_file.is_file() else SourceTree()
+    study = _read(place, tuple(files), source_tree.root)
     sections = []
     for index, study_campaign in enumerate(study.campaigns):
         campaign = load(files[study_campaign.campaign])
-        section = StudySection(study_campaign, campaign, written, f"campaigns.{index}")
+        section = StudySection(study_campaign, campaign, source_tree, f"campaigns.{index}")
         sections.append(section)
     figure_names = (*FIGURES, *figures)
     errors = []
     for section in sections:
-        for path, message in _figure_errors(section.part, figure_names):
+        for path, message in _figure_errors(section.study_campaign, figure_names):
             errors.append(section.mistake(path, message))
-        for path, message in of_study(section.part, section.campaign):
+        for path, message in section_errors(section.study_campaign, section.campaign):
             errors.append(section.mistake(path, message))
     refuse_all(errors)
     sections_with_runs = []
@@ -225,7 +225,7 @@ def _figure_errors(section: StudyCampaign, names: Sequence[str]) -> Iterator[tup
 
 def study_folder(name: str | Path) -> Path:
     """Return the folder of a study, given as a path or as the name of a study of the tool; InputError if missing."""
-    for place in (Path(name), Path("campaigns") / name, shipped("campaigns") / name):
+    for place in (Path(name), Path("campaigns") / name, tool_folder("campaigns") / name):
         if place.is_dir():
             return place
     raise InputError(f"{name}: no such folder of campaigns")
@@ -233,11 +233,11 @@ def study_folder(name: str | Path) -> Path:
 
 def _read(place: Path, names: tuple[str, ...], root: tree.Node | None) -> StudyCard:
     """Return the content of study.yaml; without that file all campaigns of the folder in the order of their names."""
-    by_name = tuple(StudyCampaign(campaign=name) for name in names)
+    default_campaigns = tuple(StudyCampaign(campaign=name) for name in names)
     if root is None:
-        return StudyCard(name=place.name, title=place.resolve().name, description="", campaigns=by_name)
+        return StudyCard(name=place.name, title=place.resolve().name, description="", campaigns=default_campaigns)
     try:
-        study = StudyCard.model_validate(tree.plain(root))
+        study = StudyCard.model_validate(tree.plain_data(root))
     except ValidationError as error:
         raise InputError(records=explain(error, root, StudyCard, "")) from None
     unit_errors = []
@@ -250,7 +250,7 @@ def _read(place: Path, names: tuple[str, ...], root: tree.Node | None) -> StudyC
             suggestion = tree.hint(name, names)
             message = f"no campaign {name!r} in this folder{suggestion}"
             raise InputError(records=[tree.mistake_at(root, f"campaigns.{index}.campaign", message)])
-    update = {"name": place.resolve().name, "campaigns": study.campaigns or by_name}
+    update = {"name": place.resolve().name, "campaigns": study.campaigns or default_campaigns}
     return study.model_copy(update=update)
 
 

@@ -7,20 +7,20 @@ import numpy as np
 from lvnav_trade.gnss.fault_cards import AnyFault, ImuFault, JumpFault
 from lvnav_trade.gnss.faults import periods
 from lvnav_trade.imu.array import excludes_units
-from lvnav_trade.quantities.conditions import BOUNDS, Conditions, FlightProfile, inside, never
+from lvnav_trade.quantities.conditions import BOUNDS, Conditions, FlightProfile, is_inside, never_active_mistake
 from lvnav_trade.quantities.errors import InputError
 from lvnav_trade.scenario.scenario import Scenario
 from lvnav_trade.sensors.sensor import SensorCard
-from lvnav_trade.simulation.preparation.cache import seen_in, trajectory_of
-from lvnav_trade.simulation.preparation.sensors import view_of
+from lvnav_trade.simulation.preparation.cache import cached_sky, trajectory_of
+from lvnav_trade.simulation.preparation.sensors import flight_view
 
-_BRIEF = 5.0
+_BRIEF_DURATION = 5.0
 """Longest duration (s) of an IMU fault that `filter.integrity` corrects as a brief failure."""
-Found = Iterator[tuple[str, str]]
+FieldErrors = Iterator[tuple[str, str]]
 """Field and message of each input error."""
 
 
-def of_sensor(card: SensorCard, scenario: Scenario, events: Mapping[str, float]) -> Found:
+def sensor_errors(card: SensorCard, scenario: Scenario, events: Mapping[str, float]) -> FieldErrors:
     """Yield the conditions of a sensor that name an unknown event or are never met.
 
     Parameters
@@ -33,22 +33,22 @@ def of_sensor(card: SensorCard, scenario: Scenario, events: Mapping[str, float])
         Times (s) of the events by name.
     """
     profile = _profile(card, scenario, events)
-    errors = list(_unmet(card, profile))
+    errors = list(_condition_errors(card, profile))
     yield from errors
-    if not errors and type(card).available is not SensorCard.available:
-        yield from _never_able(card, scenario)
+    if not errors and type(card).is_available is not SensorCard.is_available:
+        yield from _capability_errors(card, scenario)
 
 
-def _never_able(card: SensorCard, scenario: Scenario) -> Found:
+def _capability_errors(card: SensorCard, scenario: Scenario) -> FieldErrors:
     """Yield the setting that prevents a sensor from measuring whenever its conditions are met."""
     flight = trajectory_of(scenario)
     t = np.arange(flight.start, flight.end, 1.0 / (card.rate or scenario.filter.update_rate))
-    conditions_met = inside(flight.course.holding(card), t)
-    if not np.any(conditions_met & card.available(view_of(flight, t))):
-        yield card.limiting, f"{card.able} at no time of the flight while its conditions hold"
+    conditions_met = is_inside(flight.flight_profile.active_intervals(card), t)
+    if not np.any(conditions_met & card.is_available(flight_view(flight, t))):
+        yield card.limiting_field, f"{card.availability_phrase} at no time of the flight while its conditions hold"
 
 
-def of_fault(fault: AnyFault, scenario: Scenario, events: Mapping[str, float]) -> Found:
+def fault_errors(fault: AnyFault, scenario: Scenario, events: Mapping[str, float]) -> FieldErrors:
     """Yield the times and conditions by which a fault is never active.
 
     Parameters
@@ -61,13 +61,13 @@ def of_fault(fault: AnyFault, scenario: Scenario, events: Mapping[str, float]) -
         Times (s) of the events by name.
     """
     profile = _profile(fault, scenario, events)
-    errors = list(_unmet(fault, profile))
+    errors = list(_condition_errors(fault, profile))
     yield from errors
     if fault.start is not None and not errors:
-        yield from _inactive(fault, fault.start, profile)
+        yield from _inactivity_errors(fault, fault.start, profile)
 
 
-def of_imu(scenario: Scenario, events: Mapping[str, float]) -> Found:
+def imu_errors(scenario: Scenario, events: Mapping[str, float]) -> FieldErrors:
     """Yield an input error if the hand-over of a prime IMU is not during the flight; events: times (s) by name."""
     text = getattr(scenario.imu, "hand_over", None)
     if text is None:
@@ -81,34 +81,34 @@ def of_imu(scenario: Scenario, events: Mapping[str, float]) -> Found:
         yield "hand_over", error.records[0].message
 
 
-def unprotected(scenario: Scenario) -> str:
+def unprotected_imu_warning(scenario: Scenario) -> str:
     """Return a warning if the filter tests innovations and an IMU fault persists without exclusion; else empty.
 
     Such tests attribute a brief IMU fault correctly. A persistent fault makes the attitude drift.
     """
     if scenario.filter.integrity is None or excludes_units(scenario.imu):
         return ""
-    profile = trajectory_of(scenario).course
-    persistent = []
+    profile = trajectory_of(scenario).flight_profile
+    persistent_faults = []
     for number, fault in enumerate(scenario.faults):
         if not isinstance(fault, ImuFault):
             continue
         for start, end in periods(number, fault, profile):
             last = min(end, profile.instants["end"])
             duration = last - profile.begin(start)
-            if duration > _BRIEF:
-                persistent.append(f"faults.{number} ({fault.kind})")
+            if duration > _BRIEF_DURATION:
+                persistent_faults.append(f"faults.{number} ({fault.kind})")
                 break
-    if not persistent:
+    if not persistent_faults:
         return ""
     return (
-        f"filter.integrity: {', '.join(persistent)} persists and nothing excludes the IMU; tests of innovations keep "
-        "position and velocity with the receiver, but attitude drifts: give three IMUs with imu.parity, or "
-        "imu.selection: mid_value"
+        f"filter.integrity: {', '.join(persistent_faults)} persists and nothing excludes the IMU; "
+        "tests of innovations keep position and velocity with the receiver, but attitude drifts: give three IMUs with "
+        "imu.parity, or imu.selection: mid_value"
     )
 
 
-def unreceived(scenario: Scenario) -> Iterator[tuple[int, str, bool]]:
+def satellite_fault_effects(scenario: Scenario) -> Iterator[tuple[int, str, bool]]:
     """Yield, for each satellite named by a fault, whether the fault never affects it.
 
     Yields
@@ -122,26 +122,26 @@ def unreceived(scenario: Scenario) -> Iterator[tuple[int, str, bool]]:
         return
     flight = trajectory_of(scenario)
     t = np.arange(flight.start, flight.end, 1.0 / scenario.filter.update_rate)
-    sky = seen_in(scenario, flight, t, flight.start)
+    sky = cached_sky(scenario, flight, t, flight.start)
     for number, fault in faults:
-        active_periods = periods(number, fault, flight.course)
-        is_active = inside(active_periods, t)
+        active_periods = periods(number, fault, flight.flight_profile)
+        is_active = is_inside(active_periods, t)
         if isinstance(fault, JumpFault):  # it has no duration: it acts at the first epoch at or after its time
             for start, _ in active_periods:
                 epoch = int(np.searchsorted(t, start))
                 is_active[min(epoch, t.size - 1)] = True
         for name in getattr(fault, "satellites", ()):
             satellite = sky.names.index(name)
-            tracked = sky.tracked[is_active, satellite]
-            yield number, name, not np.any(tracked)
+            is_tracked = sky.is_tracked[is_active, satellite]
+            yield number, name, not np.any(is_tracked)
 
 
-def of_filter(scenario: Scenario, events: Mapping[str, float]) -> Found:
+def filter_errors(scenario: Scenario, events: Mapping[str, float]) -> FieldErrors:
     """Yield the conditions of a filter's tuning that are never met; events: times (s) by name."""
     for name in ("underweighting", "region_noise"):
         for number, card in enumerate(getattr(scenario.filter, name)):
             profile = _profile(card, scenario, events)
-            for field, message in _unmet(card, profile):
+            for field, message in _condition_errors(card, profile):
                 yield f"{name}.{number}.{field}", message
 
 
@@ -150,8 +150,8 @@ def _profile(conditions: Conditions, scenario: Scenario, events: Mapping[str, fl
 
     Building the trajectory takes time, and most conditions refer to events alone.
     """
-    if any(name in BOUNDS for name in conditions.stated):
-        return trajectory_of(scenario).course
+    if any(name in BOUNDS for name in conditions.condition_keys):
+        return trajectory_of(scenario).flight_profile
     start, end = _flight_ends(scenario, events)
     return FlightProfile({"start": start, "end": end, **events})
 
@@ -164,17 +164,17 @@ def _flight_ends(scenario: Scenario, events: Mapping[str, float]) -> tuple[float
     return start, end
 
 
-def _unmet(conditions: Conditions, profile: FlightProfile) -> Found:
+def _condition_errors(conditions: Conditions, profile: FlightProfile) -> FieldErrors:
     """Yield the condition that is never met, or the error in a condition."""
     try:
-        unmet = never(conditions, profile)
+        condition_error = never_active_mistake(conditions, profile)
     except InputError as error:
-        unmet = error.records[0]
-    if unmet is not None:
-        yield unmet.path, unmet.message
+        condition_error = error.records[0]
+    if condition_error is not None:
+        yield condition_error.path, condition_error.message
 
 
-def _inactive(fault: AnyFault, text: str, profile: FlightProfile) -> Found:
+def _inactivity_errors(fault: AnyFault, text: str, profile: FlightProfile) -> FieldErrors:
     """Yield the reason why a fault that starts at a time `text` is never active."""
     first = profile.instants["start"]
     last = profile.instants["end"]
@@ -185,6 +185,6 @@ def _inactive(fault: AnyFault, text: str, profile: FlightProfile) -> Found:
         elif start + (fault.duration or 0.0) < first:
             yield "start", f"{text!r} is {start:g} s: the fault is over before the flight begins ({first:g} s)"
         elif not periods(0, fault, profile):
-            yield fault.stated[0], "holds at no time between the start of the fault and its end"
+            yield fault.condition_keys[0], "holds at no time between the start of the fault and its end"
     except InputError as error:
         yield "start", error.records[0].message

@@ -18,8 +18,8 @@ from lvnav_trade.results.statistics.case_results import (
     Gaussian,
     History,
     Injections,
-    finite_sizes,
-    phase_in,
+    error_magnitudes,
+    phase_interval,
     symmetric,
 )
 from lvnav_trade.simulation.statistics import BlockSummary, add_norms, columns
@@ -34,14 +34,14 @@ _STORED_COVARIANCES = (*NAVIGATION_UNITS, *(f"{BACKUP}{quantity}" for quantity i
 class CaseArrays(CaseResults):
     """Results of one case in memory; the numbers are those that `CaseTables` reads from the stored tables.
 
-    prepared : The prepared scenario.
+    prepared_case : The prepared scenario.
     covariance : Its linear covariance.
     summary : Statistics of some or all of its runs; None without runs.
     """
 
-    def __init__(self, prepared: Any, covariance: CovHistory, summary: BlockSummary | None = None) -> None:
-        self.prepared, self.covariance, self.summary = prepared, covariance, summary
-        self._columns = columns(prepared.outputs)
+    def __init__(self, prepared_case: Any, covariance: CovHistory, summary: BlockSummary | None = None) -> None:
+        self.prepared_case, self.covariance, self.summary = prepared_case, covariance, summary
+        self._columns = columns(prepared_case.outputs)
 
     def output(self, quantity: str, axis: str) -> Output | None:
         """Return the output (name, axis, units) of an error; None if the case does not have it."""
@@ -50,20 +50,20 @@ class CaseArrays(CaseResults):
 
     def axes(self, quantity: str) -> list[str]:
         """Return the axes of a quantity."""
-        return [output.axis for output in self.prepared.outputs if output.quantity == quantity]
+        return [output.axis for output in self.prepared_case.outputs if output.quantity == quantity]
 
     def events(self) -> dict[str, float]:
         """Return the times (s) of the events."""
-        events = self.prepared.trajectory.events
+        events = self.prepared_case.trajectory.events
         in_order = sorted(events, key=lambda name: (events[name], name))
         return {name: float(events[name]) for name in in_order}
 
     def phase(self, text: str) -> tuple[float, float]:
         """Return the first and last time (s) of a phase."""
         t = self.covariance.t if self.summary is None else self.summary.t_bound
-        return phase_in(text, self.events(), (float(t[0]), float(t[-1])))
+        return phase_interval(text, self.events(), (float(t[0]), float(t[-1])))
 
-    def failed(self, event: str) -> Bools:
+    def has_failed(self, event: str) -> Bools:
         """Return whether each run failed (n_run,); empty if the runs have no such event."""
         if self.summary is None or event not in self.summary.events:
             return np.zeros(0, dtype=bool)
@@ -90,7 +90,7 @@ class CaseArrays(CaseResults):
             return np.empty(0)
         index = self.summary.events.index(event)
         error = self.summary.event_error[:, index, column]
-        return finite_sizes(error, self.failed_runs())
+        return error_magnitudes(error, self.failed_runs())
 
     def largest(self, quantity: str, axis: str, first: float, last: float) -> Floats:
         """Return the largest |error| (n_run,) between two times (s), SI; infinite for runs that failed."""
@@ -103,8 +103,8 @@ class CaseArrays(CaseResults):
         if not any(is_within):
             return np.empty(0)
         largest_by_interval = self.summary.worst[:, is_within, column]
-        failed = self.failed_runs()[:, None]
-        sizes = finite_sizes(largest_by_interval, failed)
+        has_failed = self.failed_runs()[:, None]
+        sizes = error_magnitudes(largest_by_interval, has_failed)
         return sizes.max(axis=1)
 
     def history(self, quantity: str, axis: str) -> History:
@@ -112,7 +112,7 @@ class CaseArrays(CaseResults):
         column = self._column(quantity, axis)
         if column is None:
             return History(np.empty(0), np.empty(0), np.empty(0))
-        outputs = self.prepared.outputs
+        outputs = self.prepared_case.outputs
         true_sigma = add_norms(self.covariance.true_sigma, outputs)
         mean = add_norms(self.covariance.mean, outputs)
         return History(self.covariance.t, true_sigma[:, column], mean[:, column])
@@ -121,14 +121,14 @@ class CaseArrays(CaseResults):
         """Return the Gaussian distribution of an error at an event by linear covariance, without its error budget."""
         epoch = self._event_index(event, quantity)
         axes = self.axes(quantity)
-        selected = [k for k, name in enumerate(axes) if axis in ("3d", name)]
-        if epoch is None or not selected:
+        axis_indices = [k for k, name in enumerate(axes) if axis in ("3d", name)]
+        if epoch is None or not axis_indices:
             return None
         components = self._components(quantity)
         mean = self.covariance.mean[epoch, components]
         covariance = symmetric(self.covariance.true_cov[epoch][np.ix_(components, components)])
-        selected_covariance = covariance[np.ix_(selected, selected)]
-        return Gaussian(mean[selected], selected_covariance, {})
+        selected_covariance = covariance[np.ix_(axis_indices, axis_indices)]
+        return Gaussian(mean[axis_indices], selected_covariance, {})
 
     def formal(self, event: str, quantity: str) -> Floats | None:
         """Return the formal covariance (3, 3) of the filter at an event, SI, reporting axes."""
@@ -161,7 +161,7 @@ class CaseArrays(CaseResults):
         return Injections(
             outcome=np.array(OUTCOMES)[rows[:, 0].astype(int)],
             t=rows[:, 1],
-            left=rows[:, 2],
+            remaining_propellant=rows[:, 2],
             error=rows[:, error_column],
             knowledge=rows[:, error_column + len(ORBIT)],
         )
@@ -170,7 +170,7 @@ class CaseArrays(CaseResults):
         """Return the distribution of the injection of a guided ascent by linear covariance."""
         return self.covariance.injection
 
-    def protection_level(self, quantity: str, at: str, during: str) -> float:
+    def protection_level(self, quantity: str, instant_text: str, phase_text: str) -> float:
         """Return NaN: protection levels are part of the diagnostics, which are computed after the runs."""
         return float("nan")
 
@@ -192,21 +192,21 @@ class CaseArrays(CaseResults):
         They are computed through the columns of the stored tables. So a verdict before storing has exactly the same
         numbers as a verdict on stored results.
         """
-        from lvnav_trade.results.mechanics.stored_states import State, laws_in
+        from lvnav_trade.results.mechanics.stored_states import State, error_gaussians
         from lvnav_trade.results.tables.flight_tables import state_columns
 
-        stored = state_columns(self.prepared, self.covariance)
-        rows = stored["states"]
-        joint = stored["joint_covariances"]
+        table_columns = state_columns(self.prepared_case, self.covariance)
+        rows = table_columns["states"]
+        joint = table_columns["joint_covariances"]
         if not rows:
             return [], []
         quaternions = np.stack([rows[f"axes_q{k}_ratio"] for k in range(4)], axis=1)
-        turns = frames.matrices(quaternions)
+        rotations = frames.matrices(quaternions)
         r_i = np.stack([rows[f"position_{axis}_m"] for axis in "xyz"], axis=1)
         v_i = np.stack([rows[f"velocity_{axis}_m_per_s"] for axis in "xyz"], axis=1)
-        fields = zip(rows["event"], rows["t_s"], r_i, v_i, rows["earth_angle_rad"], turns, strict=True)
+        fields = zip(rows["event"], rows["t_s"], r_i, v_i, rows["earth_angle_rad"], rotations, strict=True)
         states = [State(*values) for values in fields]
-        laws = laws_in(joint["mean_si"], joint["true_si2"], joint["formal_si2"])
+        laws = error_gaussians(joint["mean_si"], joint["true_si2"], joint["formal_si2"])
         return states, laws
 
     def _column(self, quantity: str, axis: str) -> int | None:
@@ -218,11 +218,11 @@ class CaseArrays(CaseResults):
 
     def _components(self, quantity: str) -> list[int]:
         """Return the indices of a quantity's components in the outputs."""
-        return [k for k, output in enumerate(self.prepared.outputs) if output.quantity == quantity]
+        return [k for k, output in enumerate(self.prepared_case.outputs) if output.quantity == quantity]
 
     def _event_index(self, event: str, quantity: str) -> int | None:
         """Return the index of an event in the history; None for a quantity whose covariance is not stored."""
-        t = self.prepared.trajectory.events.get(event)
+        t = self.prepared_case.trajectory.events.get(event)
         if t is None or quantity not in _STORED_COVARIANCES or len(self._components(quantity)) != 3:
             return None
         return int(np.argmin(np.abs(self.covariance.t - t)))

@@ -9,7 +9,7 @@ from lvnav_trade.campaign.interrupts import raise_if_interrupted
 from lvnav_trade.campaign.reading import flights
 from lvnav_trade.campaign.reading.effect import Effects
 from lvnav_trade.campaign.running import work
-from lvnav_trade.campaign.running.pool import each
+from lvnav_trade.campaign.running.pool import map_items
 from lvnav_trade.quantities.errors import InputError, refuse_all
 from lvnav_trade.simulation.settings_read import EffectiveSettings
 
@@ -26,7 +26,7 @@ def check_flight(
     distinct_cases: Sequence[Case],
     engine: work.Engine,
     jobs: int,
-    in_advance: Sequence[Callable[[], None]] = (),
+    advance_tasks: Sequence[Callable[[], None]] = (),
 ) -> TrajectoryCheck:
     """Build every distinct trajectory of a campaign and check the campaign against them.
 
@@ -40,7 +40,7 @@ def check_flight(
         Functions that compute.
     jobs : int
         Worker processes.
-    in_advance : sequence of callable
+    advance_tasks : sequence of callable
         Functions for workers that have no trajectory to build, such as the compilation of kernels. Their failure is
         ignored, since the stage that needs the result reports it.
 
@@ -58,14 +58,14 @@ def check_flight(
     for case in distinct_cases:
         by_trajectory.setdefault(_trajectory_text(case), case)
     items: list[tuple[Any, ...]] = [(work.trajectory_summary, engine, case) for case in by_trajectory.values()]
-    items += [(_ignore_failure, function) for function in in_advance]
-    results = list(each(jobs, _call, items, ordered=True))
-    summaries = dict(zip(by_trajectory, results, strict=False))  # the results of `in_advance` follow
+    items += [(_ignore_failure, function) for function in advance_tasks]
+    results = list(map_items(jobs, _call, items, is_ordered=True))
+    summaries = dict(zip(by_trajectory, results, strict=False))  # the results of `advance_tasks` follow
     errors = []
     for text, case in by_trajectory.items():
         summary = summaries[text]
         if isinstance(summary, InputError):
-            errors += flights.located(campaign, case, summary.records)
+            errors += flights.locate_mistakes(campaign, case, summary.records)
     refuse_all(list(dict.fromkeys(errors)))  # cases that differ in their IMU alone have the same errors
     times = {case.id: summaries[_trajectory_text(case)].events for case in distinct_cases}
     misfits = [*flights.mistakes(campaign, distinct_cases, times)]
@@ -94,13 +94,13 @@ def check_effect(campaign: Campaign, distinct_cases: Sequence[Case], engine: wor
     """
     effects = Effects(campaign, distinct_cases)
     effective_settings: dict[str, EffectiveSettings | None] = {}
-    case = effects.next(effective_settings)
+    case = effects.next_case(effective_settings)
     while case is not None:
         try:
             _, effective_settings[case.id] = work.prepared_with(engine, case, campaign.keep.history)
         except InputError as error:
-            raise InputError(records=flights.located(campaign, case, error.records)) from None
-        case = effects.next(effective_settings)
+            raise InputError(records=flights.locate_mistakes(campaign, case, error.records)) from None
+        case = effects.next_case(effective_settings)
     refuse_all(effects.mistakes(effective_settings))
 
 

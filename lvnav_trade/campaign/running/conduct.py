@@ -11,7 +11,7 @@ from lvnav_trade.campaign.running import work
 from lvnav_trade.campaign.running.progress import Progress
 from lvnav_trade.campaign.running.shards import Shard
 from lvnav_trade.results.tables import scratch
-from lvnav_trade.results.tables.contents import owned
+from lvnav_trade.results.tables.contents import owned_folder
 from lvnav_trade.results.tables.write import open_results
 
 Mode = Literal["resume", "fresh"]
@@ -22,17 +22,19 @@ class DesignStage(Protocol):
     """Many designs, of which a few are analysed completely; see `campaign.space.stage`."""
 
     @property
-    def parts(self) -> int:
+    def item_count(self) -> int:
         """Number of work items."""
 
-    def evaluate(self, job: work.Job, stage: Callable[..., Iterator[Any]], parts: Sequence[int] | None = None) -> None:
-        """Evaluate every design, or the designs of some parts, and store the results."""
+    def evaluate(
+        self, job: work.Job, stage: Callable[..., Iterator[Any]], item_numbers: Sequence[int] | None = None
+    ) -> None:
+        """Evaluate every design, or the designs of some work items, and store the results."""
 
     def finish(self, job: work.Job) -> Any:
         """Store the table of all designs; return the cases to analyse completely, and a remark for the manifest."""
 
     def names(self, folder: Path) -> list[str]:
-        """Return the names of the scratch files of the parts in a folder."""
+        """Return the names of the scratch files of the work items in a folder."""
 
 
 class Store(NamedTuple):
@@ -42,10 +44,10 @@ class Store(NamedTuple):
     check_folder: Callable[[Path], object]  # refuses a folder with files that are not the tool's
 
 
-STORE = Store(open_results, partial(owned, kind="results"))
+STORE = Store(open_results, partial(owned_folder, folder_type="results"))
 
 
-class Conduct(NamedTuple):
+class RunOptions(NamedTuple):
     """How a campaign is run."""
 
     jobs: int = -1
@@ -78,15 +80,15 @@ class CampaignOutcome(NamedTuple):
     failures: tuple[str, ...]  # failed runs and lost work items, one line each
 
 
-class Finished(NamedTuple):
+class FinishedCase(NamedTuple):
     """Record of a finished case."""
 
-    answer: work.CovarianceResult  # result of linear covariance
+    result: work.CovarianceResult  # result of linear covariance
     tables: tuple[tuple[str, int], ...]  # names and sizes (bytes) of its tables
 
 
-def answer_or_ahead(
-    job: work.Job, case: Case, ahead: Callable[[work.Job, Case], Any] | None
+def covariance_or_advance_work(
+    job: work.Job, case: Case, advance_work: Callable[[work.Job, Case], Any] | None
 ) -> work.CovarianceResult | None:
     """Compute the linear covariance of a case, or work in advance, such as compiling.
 
@@ -96,7 +98,7 @@ def answer_or_ahead(
         Data of the campaign for a worker.
     case : Case
         The case.
-    ahead : callable, optional
+    advance_work : callable, optional
         Work in advance. A failure is ignored, since the case's own stage reports it.
 
     Returns
@@ -104,10 +106,10 @@ def answer_or_ahead(
     CovarianceResult or None
         Result of the case; None after work in advance.
     """
-    if ahead is None:
-        return work.answer(job, case)
+    if advance_work is None:
+        return work.compute_covariance(job, case)
     try:
-        ahead(job, case)
+        advance_work(job, case)
     except Exception as error:
         raise_if_interrupted(error)
     return None
@@ -126,16 +128,16 @@ def analyse_case(job: work.Job, case: Case) -> work.CovarianceResult:
     """
     file, identity = work.diagnostics_file(job, case)
     file = file.with_suffix(".whole")
-    if scratch.is_sound(file, Finished, identity):
-        stored: Finished = scratch.read(file, Finished, identity)
-        if stored.tables == job.results.sizes(case.id):
-            return stored.answer
-    answer = work.answer(job, case, scratch.cache)
-    if answer.error or answer.mistakes:
-        return answer
-    has_failed = bool(work.diagnose(job, case, scratch.cache).error or work.close(job, case, 0).error)
+    if scratch.is_sound(file, FinishedCase, identity):
+        finished_case: FinishedCase = scratch.read(file, FinishedCase, identity)
+        if finished_case.tables == job.results.sizes(case.id):
+            return finished_case.result
+    result = work.compute_covariance(job, case, scratch.cache)
+    if result.error or result.mistakes:
+        return result
+    has_failed = bool(work.diagnose(job, case, scratch.cache).error or work.write_tables(job, case, 0).error)
     if has_failed:
-        return work.answer(job, case)  # stored on disk this time, for the stage that reports the failure
-    answer = answer._replace(is_whole=True)
-    scratch.write(file, Finished(answer, job.results.sizes(case.id)), identity)
-    return answer
+        return work.compute_covariance(job, case)  # stored on disk this time, for the stage that reports the failure
+    result = result._replace(is_whole=True)
+    scratch.write(file, FinishedCase(result, job.results.sizes(case.id)), identity)
+    return result

@@ -8,7 +8,7 @@ from lvnav_trade.results.requirements.requirements import further_runs
 from lvnav_trade.results.statistics.probability import runs_needed
 
 
-def needed(probability: float, confidence: float, block: int) -> tuple[int, int]:
+def required_run_counts(probability: float, confidence: float, block: int) -> tuple[int, int]:
     """Return the number of runs that demonstrate a probability of success if none of them fails.
 
     Parameters
@@ -36,13 +36,15 @@ def requirements_beyond_run_count(campaign: Campaign) -> Iterator[Mistake]:
     card = campaign.monte_carlo
     if card is None:
         return
-    tested = []
+    tested_requirements = []
     for k, requirement in enumerate(campaign.requirements):
-        tested.append((f"requirements.{k}", requirement.name, requirement.probability, requirement.confidence))
+        path = f"requirements.{k}"
+        tested_requirements.append((path, requirement.name, requirement.probability, requirement.confidence))
     if campaign.corridor is not None:
-        tested.append(("corridor", "corridor", campaign.corridor.probability, campaign.corridor.confidence))
-    for path, name, probability, confidence in tested:
-        fixed_test, sequential_test = needed(probability, confidence, card.block)
+        corridor = campaign.corridor
+        tested_requirements.append(("corridor", "corridor", corridor.probability, corridor.confidence))
+    for path, name, probability, confidence in tested_requirements:
+        fixed_test, sequential_test = required_run_counts(probability, confidence, card.block)
         # The corridor is evaluated after all runs; it does not decide when a case stops.
         is_sequential = card.stop is not None and path != "corridor"
         required_runs = sequential_test if is_sequential else fixed_test
@@ -50,4 +52,4 @@ def requirements_beyond_run_count(campaign: Campaign) -> Iterator[Mistake]:
             goal = f"{100 * probability:.6g} % at {100 * confidence:.6g} % confidence"
             runs_needed_text = f"{fixed_test:,} are needed, {sequential_test:,} with stop: decided"
             message = f"{name}: {card.runs:,} runs cannot show {goal}: {runs_needed_text}"
-            yield campaign.written.mistake(path, message)
+            yield campaign.source_tree.mistake(path, message)

@@ -15,28 +15,28 @@ from lvnav_trade.campaign.definition.schema import Campaign
 from lvnav_trade.campaign.interrupts import raise_if_interrupted
 from lvnav_trade.campaign.reading import flights
 from lvnav_trade.campaign.reading.effect import Effects
-from lvnav_trade.campaign.reading.load import resolved
+from lvnav_trade.campaign.reading.load import resolved_text
 from lvnav_trade.campaign.running import replay, work
 from lvnav_trade.campaign.running.checking import check_effect, check_flight
 from lvnav_trade.campaign.running.conduct import (
     STORE,
     CampaignOutcome,
-    Conduct,
     DesignStage,
     Mode,
     OnAnswers,
+    RunOptions,
     Scope,
     Store,
     analyse_case,
-    answer_or_ahead,
     compile_kernels,
+    covariance_or_advance_work,
 )
 from lvnav_trade.campaign.running.plan import Block, blocks
-from lvnav_trade.campaign.running.pool import WorkList, each, end_workers, numbered
+from lvnav_trade.campaign.running.pool import WorkList, end_workers, map_items, numbered_result
 from lvnav_trade.campaign.running.progress import Progress
 from lvnav_trade.campaign.running.provenance import manifest, without_folders
 from lvnav_trade.campaign.running.shards import Shard
-from lvnav_trade.campaign.running.status import locked
+from lvnav_trade.campaign.running.status import folder_lock
 from lvnav_trade.campaign.running.stopping import Stopping
 from lvnav_trade.kernels.cache_folder import is_filled
 from lvnav_trade.quantities.errors import InputError, refuse_all, system_message
@@ -54,16 +54,16 @@ class Halted(Exception):
     """The campaign stopped early and can be resumed; the message says why in one line."""
 
 
-RESUMED, WHOLE = Conduct(), Scope()
+RESUMED, WHOLE = RunOptions(), Scope()
 
 
 def run(
     campaign: Campaign,
     folder: Path,
-    conduct: Conduct = RESUMED,
+    options: RunOptions = RESUMED,
     scope: Scope = WHOLE,
     engine: work.Engine | None = None,
-    keep: Store = STORE,
+    store: Store = STORE,
 ) -> CampaignOutcome:
     """Run a campaign in `folder` and return its outcome.
 
@@ -77,23 +77,25 @@ def run(
     KeyboardInterrupt
         After the workers are gone; the same call resumes.
     """
-    jobs = (os.cpu_count() or 1) if conduct.jobs < 1 else conduct.jobs
-    progress = conduct.progress or Progress()
-    conduct = conduct._replace(jobs=jobs, progress=progress)
+    jobs = (os.cpu_count() or 1) if options.jobs < 1 else options.jobs
+    progress = options.progress or Progress()
+    options = options._replace(jobs=jobs, progress=progress)
     try:
-        campaign_run = _Run(campaign, folder, conduct, engine or work.ENGINE, scope)
-        keep.check_folder(folder)  # before a lock is written to a folder that is not the tool's
-        with locked(folder):  # a campaign that is refused creates no folder
+        campaign_run = _Run(campaign, folder, options, engine or work.ENGINE, scope)
+        store.check_folder(folder)  # before a lock is written to a folder that is not the tool's
+        with folder_lock(folder):  # a campaign that is refused creates no folder
             if scope.shard is not None:
-                return campaign_run.share(keep, conduct.mode)
-            return campaign_run.all(keep, conduct.mode, conduct.on_answers, scope.shards)
+                return campaign_run.compute_shard(store, options.mode)
+            return campaign_run.compute_all(store, options.mode, options.on_answers, scope.shards)
     except KeyboardInterrupt:
         end_workers(jobs)
         raise
     except TerminatedWorkerError as error:
         raise_if_interrupted(error)  # the workers of a process group end with it
-        fewer = max(1, jobs // 2)
-        raise Halted(f"a worker process died (out of memory?); the same command resumes, try --jobs {fewer}") from None
+        fewer_jobs = max(1, jobs // 2)
+        raise Halted(
+            f"a worker process died (out of memory?); the same command resumes, try --jobs {fewer_jobs}"
+        ) from None
     except OSError as error:
         end_workers(jobs)
         if error.errno is None:
@@ -106,19 +108,21 @@ def run(
 class _Run:
     """Stages of one run of a campaign, and their state."""
 
-    def __init__(self, campaign: Campaign, folder: Path, conduct: Conduct, engine: work.Engine, scope: Scope) -> None:
+    def __init__(
+        self, campaign: Campaign, folder: Path, options: RunOptions, engine: work.Engine, scope: Scope
+    ) -> None:
         self.campaign = campaign
         self.folder = folder
-        self.progress = conduct.progress or Progress()
-        self.jobs = conduct.jobs
-        self.fail_fast = conduct.fail_fast
+        self.progress = options.progress or Progress()
+        self.jobs = options.jobs
+        self.fail_fast = options.fail_fast
         self.shard = scope.shard
         self.space = scope.space
         checked_cases = probes(campaign)
         self.cases = [] if self.space is not None else checked_cases
         self.labels = {case.id: case.label for case in self.cases}
         self.failures: list[str] = []
-        self.lost: list[str] = []
+        self.lost_items: list[str] = []
         self.timings: dict[str, float] = {}
         self.deaths = 0
         self.job = work.job_of(campaign, engine, folder)
@@ -126,8 +130,8 @@ class _Run:
         if not is_filled():
             self.progress.note(COMPILING)
         # the other worker compiles what does not depend on the trajectory
-        in_advance = [statistics.compile_kernels] if campaign.monte_carlo and self.jobs > 1 else []
-        self.remarks = check_flight(campaign.probe, checked_cases, engine, self.jobs, in_advance).remarks
+        advance_tasks = [statistics.compile_kernels] if campaign.monte_carlo and self.jobs > 1 else []
+        self.remarks = check_flight(campaign.probe, checked_cases, engine, self.jobs, advance_tasks).remarks
         self.blocks = blocks(campaign, self.cases, {})
         if self.space is not None:
             # The few designs that are analysed completely need not read every setting of the campaign.
@@ -141,10 +145,10 @@ class _Run:
         """Keep the blocks of a shard and their cases; without runs, the shard's share of the cases."""
         self.stopping.is_early = False
         self.job = self.job._replace(requirements=())
-        self.blocks = list(shard.of(self.blocks))
+        self.blocks = list(shard.select(self.blocks))
         case_ids = {block.case.id for block in self.blocks}
         if not case_ids and not self.campaign.monte_carlo:
-            case_ids = {case.id for case in shard.of(self.cases)}
+            case_ids = {case.id for case in shard.select(self.cases)}
         self.cases = [case for case in self.cases if case.id in case_ids]
 
     def _open_results(self, store: Store, mode: Mode) -> None:
@@ -154,27 +158,29 @@ class _Run:
         content = manifest(self.campaign, self.cases)
         if self.shard is not None:
             content["shard"] = [*self.shard]
-        results = store.open_results(self.folder, self.campaign.name, resolved(self.campaign), content, mode)
+        results = store.open_results(self.folder, self.campaign.name, resolved_text(self.campaign), content, mode)
         self.job = self.job._replace(results=results)
 
-    def share(self, store: Store, mode: Mode) -> CampaignOutcome:
+    def compute_shard(self, store: Store, mode: Mode) -> CampaignOutcome:
         """Compute a shard: covariance of its cases, diagnostics of those whose first block it has, its blocks."""
         self._open_results(store, mode)
         if self.space is not None and self.shard is not None:
-            self.space.evaluate(self.job, self._evaluate_parts, self.shard.of(range(self.space.parts)))
+            self.space.evaluate(self.job, self._evaluate_parts, self.shard.select(range(self.space.item_count)))
         answers = self._covariance_results(None) if self.cases else []
         valid_cases = [case for case, answer in zip(self.cases, answers, strict=True) if not answer.error]
-        diagnosed = {block.case.id for block in self.blocks if block.first_run == 0}
+        diagnosed_ids = {block.case.id for block in self.blocks if block.first_run == 0}
         if not self.campaign.monte_carlo:
-            diagnosed = {case.id for case in valid_cases}
-        items = [(self.job, case) for case in valid_cases if case.id in diagnosed]
+            diagnosed_ids = {case.id for case in valid_cases}
+        items = [(self.job, case) for case in valid_cases if case.id in diagnosed_ids]
         self._process_cases("diagnostics", work.diagnose, items, "covariance diagnostics")
         self._simulate_blocks(valid_cases)
         end_workers(self.jobs)
-        self.job.results.leave({"timings_s": self.timings, "lost": self.lost, "shard_finished": not self.lost})
+        self.job.results.finish_shard(
+            {"timings_s": self.timings, "lost": self.lost_items, "shard_finished": not self.lost_items}
+        )
         return CampaignOutcome(tuple(answers), tuple(self.failures))
 
-    def all(
+    def compute_all(
         self, store: Store, mode: Mode, on_answers: OnAnswers | None, shards: Sequence[Path] = ()
     ) -> CampaignOutcome:
         """Compute all stages: designs, linear covariance, diagnostics, runs, tables."""
@@ -183,22 +189,24 @@ class _Run:
             names = [case.id for case in self.cases]
             if self.space is not None:
                 names += self.space.names(folder / scratch.FOLDER)
-            self.job.results.take(folder, names)
+            self.job.results.copy_cases(folder, names)
         if self.space is not None:
             self._choose_designs(self.space)
         answers = self._covariance_results(on_answers)
-        valid, incomplete = [], []
+        valid_cases, incomplete_cases = [], []
         for case, answer in zip(self.cases, answers, strict=True):
             if not answer.error:
-                valid.append(case)
+                valid_cases.append(case)
                 if not answer.is_whole:
-                    incomplete.append(case)
-        items = [(self.job, case) for case in incomplete]
+                    incomplete_cases.append(case)
+        items = [(self.job, case) for case in incomplete_cases]
         self._process_cases("diagnostics", work.diagnose, items, "covariance diagnostics")
-        lost = self._simulate_blocks(valid)
-        table_items = [(self.job, case, self.stopping.runs(case.id)) for case in incomplete if case.id not in lost]
-        lost |= self._process_cases("tables", work.close, table_items, "tables")
-        self._finish([case for case in valid if case.id not in lost])
+        lost_ids = self._simulate_blocks(valid_cases)
+        table_items = [
+            (self.job, case, self.stopping.runs(case.id)) for case in incomplete_cases if case.id not in lost_ids
+        ]
+        lost_ids |= self._process_cases("tables", work.write_tables, table_items, "tables")
+        self._finish([case for case in valid_cases if case.id not in lost_ids])
         return CampaignOutcome(tuple(answers), tuple(self.failures))
 
     def _finish(self, complete_cases: Sequence[Case]) -> None:
@@ -206,17 +214,17 @@ class _Run:
         record = {
             **self.remarks,
             "timings_s": self.timings,
-            "lost": [without_folders(line) for line in self.lost],
+            "lost": [without_folders(line) for line in self.lost_items],
             "workers_died": self.deaths,
             # In the order of the plan, not of completion: the bytes of the tables must not depend on the workers.
             "cases": [case.id for case in complete_cases],
-            "blocks_removed": self.space is not None and not self.lost,
+            "blocks_removed": self.space is not None and not self.lost_items,
         }
         is_tested = self.campaign.monte_carlo is not None and bool(self.campaign.requirements)
         trace = self._trace_worst_runs if is_tested else None
-        self.job.results.finish(record, trace, partial(each, self.jobs))
+        self.job.results.finish(record, trace, partial(map_items, self.jobs))
         end_workers(self.jobs)  # this process alone makes the report and can use their memory
-        if self.lost:  # the same command repeats the lost work items, and merges them with these tables
+        if self.lost_items:  # the same command repeats the lost work items, and merges them with these tables
             return
         self.job.results.remove_case_tables()
         if self.space is not None:  # the blocks would take most of the disk space, and the tables have every run
@@ -230,7 +238,7 @@ class _Run:
         self.cases = list(choice.cases)
         self.labels = {case.id: case.label for case in self.cases}
         self.blocks = blocks(self.campaign, self.cases, {})
-        self.job.results.choose(self.labels, {"space": choice.remark})
+        self.job.results.add_cases(self.labels, {"space": choice.remark})
 
     def _evaluate_parts(self, name: str, function: Any, items: Sequence[Any]) -> Iterator[Any]:
         """Yield the outcomes of parts of the designs; raise Halted if a part is lost."""
@@ -265,7 +273,7 @@ class _Run:
         while not work_list.is_done():
             calls = ((function, *item) for item in work_list.open())
             try:
-                with closing(each(self.jobs, numbered, calls)) as results:
+                with closing(map_items(self.jobs, numbered_result, calls)) as results:
                     for number, result in results:
                         work_list.close(number)
                         yield result
@@ -290,13 +298,13 @@ class _Run:
                 continue
             if result.mistakes:
                 case = next(case for case in self.cases if case.id == result.case)
-                raise InputError(records=flights.located(self.campaign, case, result.mistakes))
+                raise InputError(records=flights.locate_mistakes(self.campaign, case, result.mistakes))
             by_case[result.case] = result
             self.progress.advance(1)
             if len(by_case) == 1 and len(self.cases) > 1:
                 self.progress.stage("linear covariance of the others", len(self.cases) - 1)
             if result.error:
-                self._record_failure(f"{self.labels[result.case]}: linear covariance: {result.error}", lost=True)
+                self._record_failure(f"{self.labels[result.case]}: linear covariance: {result.error}", is_lost=True)
             if len(by_case) == len(self.cases):
                 self._report_covariance(by_case, on_answers)
         return [by_case[case.id] for case in self.cases]
@@ -315,86 +323,86 @@ class _Run:
             first_case = self.cases[0]
             items.insert(0, (self.job, first_case, compile_kernels))
             items.append((self.job, first_case, work.diagnose))
-        return answer_or_ahead, items
+        return covariance_or_advance_work, items
 
     def _report_covariance(self, by_case: dict[str, work.CovarianceResult], on_answers: OnAnswers | None) -> None:
         """Refuse settings without effect on any case, and pass the results on to `on_answers`."""
         if self.shard is None and self.space is None:
-            effective_settings = {case: result.used for case, result in by_case.items()}
+            effective_settings = {case: result.effective_settings for case, result in by_case.items()}
             refuse_all(Effects(self.campaign, self.cases).mistakes(effective_settings))
         if on_answers is not None:
             on_answers([by_case[case.id] for case in self.cases], self.cases)
 
-    def _process_cases(self, name: str, function: Any, items: Sequence[Any], what: str) -> set[str]:
+    def _process_cases(self, name: str, function: Any, items: Sequence[Any], item_name: str) -> set[str]:
         """Compute one work item per case; return the digests of the cases whose item is lost.
 
-        what: name of the item in messages.
+        item_name : Name of the item in messages.
         """
         if not items:
             return set()
         self.progress.stage(name, len(items))
-        lost = set()
+        lost_ids = set()
         for outcome in self._stage_results(name, function, items):
             self.progress.advance(1)
             if outcome.error:
-                lost.add(outcome.case)
-                self._record_failure(f"{self.labels[outcome.case]}: {what}: {outcome.error}", lost=True)
-        return lost
+                lost_ids.add(outcome.case)
+                self._record_failure(f"{self.labels[outcome.case]}: {item_name}: {outcome.error}", is_lost=True)
+        return lost_ids
 
     def _simulate_blocks(self, valid_cases: Sequence[Case]) -> set[str]:
         """Simulate all blocks that are not stored; return the digests of the cases that lost a block."""
-        stored = {case.id: self.job.results.done(case.id) for case in valid_cases}
-        remaining = []
+        stored_spans = {case.id: self.job.results.block_spans(case.id) for case in valid_cases}
+        remaining_blocks = []
         for block in self.blocks:
             span = (block.first_run, block.n_run)
-            if block.case.id in stored and span not in stored[block.case.id]:
-                remaining.append(block)
+            if block.case.id in stored_spans and span not in stored_spans[block.case.id]:
+                remaining_blocks.append(block)
         if self.stopping.is_early:
-            resumed = [(self.job, case) for case in valid_cases if stored[case.id]]
-            for outcomes in each(self.jobs, work.tally, resumed, ordered=True):
+            resumed_items = [(self.job, case) for case in valid_cases if stored_spans[case.id]]
+            for outcomes in map_items(self.jobs, work.stored_block_violations, resumed_items, is_ordered=True):
                 for outcome in outcomes:
                     self._note_violations(outcome)
-        if remaining:
-            self.progress.stage("runs", sum(block.n_run for block in remaining))
-        lost: list[work.WorkOutcome] = []
-        for outcome in self._stage_results("monte_carlo", work.fly, self._needed_blocks(remaining)):
+        if remaining_blocks:
+            self.progress.stage("runs", sum(block.n_run for block in remaining_blocks))
+        lost_blocks: list[work.WorkOutcome] = []
+        for outcome in self._stage_results("monte_carlo", work.simulate_block, self._needed_blocks(remaining_blocks)):
             self.progress.advance(outcome.n_run)
             self._note_violations(outcome)
             if not self.stopping.wants(outcome.case, outcome.first_run):
                 continue  # simulated before an earlier block decided the case
             if outcome.error:
-                lost.append(outcome)
+                lost_blocks.append(outcome)
             self._report_block(outcome)
         # A block that a later decision made unnecessary is not lost.
-        return {block.case for block in lost if self.stopping.wants(block.case, block.first_run)}
+        return {block.case for block in lost_blocks if self.stopping.wants(block.case, block.first_run)}
 
     def _report_block(self, outcome: work.WorkOutcome) -> None:
         """Record the failure of a block, or of single runs in it."""
         label = self.labels[outcome.case]
         if outcome.error:
             last_run = outcome.first_run + outcome.n_run - 1
-            self._record_failure(f"{label}, runs {outcome.first_run} to {last_run}: {outcome.error}", lost=True)
-        for number, why in outcome.failures:
+            self._record_failure(f"{label}, runs {outcome.first_run} to {last_run}: {outcome.error}", is_lost=True)
+        for number, reason in outcome.failures:
             command = f"lvnav-trade replay {self.folder} {outcome.case} {number}"
-            self._record_failure(f"{label}, run {number} {why}; {command}")
+            self._record_failure(f"{label}, run {number} {reason}; {command}")
 
     def _note_violations(self, outcome: work.WorkOutcome) -> None:
         """Pass the violating runs of a block on to the sequential test."""
         if not outcome.error:
-            self.stopping.note(outcome.case, outcome.first_run, outcome.n_run, outcome.beyond)
+            self.stopping.note(outcome.case, outcome.first_run, outcome.n_run, outcome.violation_counts)
 
-    def _needed_blocks(self, remaining: Sequence[Block]) -> Iterator[tuple[work.Job, Block]]:
+    def _needed_blocks(self, remaining_blocks: Sequence[Block]) -> Iterator[tuple[work.Job, Block]]:
         """Yield the blocks that are still needed when a worker becomes free; their case may have been decided."""
-        for block in remaining:
+        for block in remaining_blocks:
             if self.stopping.wants(block.case.id, block.first_run):
                 yield self.job, block
             else:
                 self.progress.advance(block.n_run)
 
-    def _record_failure(self, line: str, lost: bool = False) -> None:
+    def _record_failure(self, line: str, is_lost: bool = False) -> None:
         """Record a failed run, or a lost work item, which has no row in the tables."""
-        if lost:
-            self.lost.append(line)
+        if is_lost:
+            self.lost_items.append(line)
         self.failures.append(line)
         self.progress.note(line)
         if self.fail_fast:

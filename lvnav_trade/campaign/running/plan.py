@@ -37,7 +37,9 @@ class Block(NamedTuple):
     n_run: int  # number of runs
 
 
-def blocks(campaign: Campaign, cases: Sequence[Case], done: Mapping[str, Sequence[tuple[int, int]]]) -> list[Block]:
+def blocks(
+    campaign: Campaign, cases: Sequence[Case], stored_spans: Mapping[str, Sequence[tuple[int, int]]]
+) -> list[Block]:
     """Return the blocks still to be computed, case by case.
 
     Parameters
@@ -46,7 +48,7 @@ def blocks(campaign: Campaign, cases: Sequence[Case], done: Mapping[str, Sequenc
         The campaign.
     cases : sequence of Case
         Its cases.
-    done : mapping of str to sequence of (int, int)
+    stored_spans : mapping of str to sequence of (int, int)
         First run and number of runs of the stored blocks, by digest of the case.
 
     Notes
@@ -58,15 +60,15 @@ def blocks(campaign: Campaign, cases: Sequence[Case], done: Mapping[str, Sequenc
     card = campaign.monte_carlo
     if card is None:
         return []
-    remaining = []
+    remaining_blocks = []
     for case in cases:
         runs = card.runs_of(case.axes)
-        stored = done.get(case.id, ())
+        case_spans = stored_spans.get(case.id, ())
         for first in range(0, runs, card.block):
             count = min(card.block, runs - first)
-            if (first, count) not in stored:
-                remaining.append(Block(case, first, count))
-    return remaining
+            if (first, count) not in case_spans:
+                remaining_blocks.append(Block(case, first, count))
+    return remaining_blocks
 
 
 class Estimate(NamedTuple):
@@ -106,10 +108,10 @@ def estimate(campaign: Campaign, folder: Path, duration: Mapping[str, float]) ->
     all_cases = cases(campaign)
     card = campaign.monte_carlo
     runs = {case.id: card.runs_of(case.axes) if card else 0 for case in all_cases}
-    stored = {case.id: [span(path) for path in paths(folder / "parts" / case.id)] for case in all_cases}
-    remaining = blocks(campaign, all_cases, stored)
+    stored_spans = {case.id: [span(path) for path in paths(folder / "parts" / case.id)] for case in all_cases}
+    remaining_blocks = blocks(campaign, all_cases, stored_spans)
     runs_to_do = dict.fromkeys(runs, 0)
-    for block in remaining:
+    for block in remaining_blocks:
         runs_to_do[block.case.id] += block.n_run
     rows = [
         {
@@ -121,12 +123,12 @@ def estimate(campaign: Campaign, folder: Path, duration: Mapping[str, float]) ->
         for case in all_cases
     ]
     times = {case.id: duration[case.id] / campaign.keep.history for case in all_cases}
-    block_bytes = sum(_block_bytes(block, times[block.case.id]) for block in remaining)
+    block_bytes = sum(_block_bytes(block, times[block.case.id]) for block in remaining_blocks)
     table_bytes = sum(_table_bytes(case, times[case.id], runs[case.id]) for case in all_cases)
     return Estimate(
         cases=rows,
-        blocks=len(remaining),
-        seconds=_total_seconds(campaign, all_cases, remaining, duration),
+        blocks=len(remaining_blocks),
+        seconds=_total_seconds(campaign, all_cases, remaining_blocks, duration),
         disk_mb=(block_bytes + table_bytes) / 1e6,
         memory_mb=_worker_bytes(campaign, all_cases, duration) / 1e6,
         blocks_mb=block_bytes / 1e6,
@@ -134,7 +136,7 @@ def estimate(campaign: Campaign, folder: Path, duration: Mapping[str, float]) ->
 
 
 def _total_seconds(
-    campaign: Campaign, all_cases: Sequence[Case], remaining: Sequence[Block], duration: Mapping[str, float]
+    campaign: Campaign, all_cases: Sequence[Case], remaining_blocks: Sequence[Block], duration: Mapping[str, float]
 ) -> float:
     """Return the computing time (s) of linear covariance of all cases and of the remaining blocks.
 
@@ -144,13 +146,13 @@ def _total_seconds(
         The campaign.
     all_cases : sequence of Case
         Its cases.
-    remaining : sequence of Block
+    remaining_blocks : sequence of Block
         Blocks still to be computed.
     duration : mapping of str to float
         Duration of the flight (s), by digest of the case.
     """
     linear = sum(_CASE_S + covariance_seconds(case, duration[case.id]) for case in all_cases)
-    monte_carlo = sum(block.n_run * _run_seconds(block.case, duration[block.case.id]) for block in remaining)
+    monte_carlo = sum(block.n_run * _run_seconds(block.case, duration[block.case.id]) for block in remaining_blocks)
     n_pass = 1 + _RETUNED * campaign.covariance.sensitivity
     return linear * n_pass + monte_carlo
 

@@ -46,7 +46,7 @@ class WorkList:
         return self._ended and not self._open
 
 
-def numbered(function: Callable[..., Any], number: int, item: tuple[Any, ...]) -> tuple[int, Any]:
+def numbered_result(function: Callable[..., Any], number: int, item: tuple[Any, ...]) -> tuple[int, Any]:
     """Return the number of a work item, and its result."""
     return number, function(*item)
 
@@ -57,23 +57,25 @@ _UNORDERED = {"return_as": "generator_unordered", "batch_size": 1, "pre_dispatch
 _REPLACED = "A worker stopped while some jobs were given to the executor"
 # Warning of joblib where an error in one case ends a stage: the error is reported, the other cases are not needed
 _CANCELLED = r"\d+ tasks which were still being processed by the workers have been cancelled"
-_on_cluster: list[type[Exception]] = []  # not empty while a cluster is in use: its exception for workers that die
+_cluster_errors: list[type[Exception]] = []  # not empty while a cluster is in use: its exception for workers that die
 
 
 @contextmanager
-def on_dask(client: Any) -> Iterator[None]:
-    """Make `each` use the workers of a Dask cluster, within a ``with`` block."""
+def dask_workers(client: Any) -> Iterator[None]:
+    """Make `map_items` use the workers of a Dask cluster, within a ``with`` block."""
     from distributed import KilledWorker
 
     with parallel_config(backend="dask", client=client):
-        _on_cluster.append(KilledWorker)
+        _cluster_errors.append(KilledWorker)
         try:
             yield
         finally:
-            _on_cluster.pop()
+            _cluster_errors.pop()
 
 
-def each(jobs: int, function: Callable[..., Any], units: Iterable[tuple[Any, ...]], ordered: bool = False) -> Any:
+def map_items(
+    jobs: int, function: Callable[..., Any], items: Iterable[tuple[Any, ...]], is_ordered: bool = False
+) -> Any:
     """Call a function for every work item, by worker processes or a cluster.
 
     With one job and no cluster the calls are made in this process.
@@ -84,40 +86,40 @@ def each(jobs: int, function: Callable[..., Any], units: Iterable[tuple[Any, ...
         Number of worker processes.
     function : callable
         Function to call.
-    units : iterable of tuple
+    items : iterable of tuple
         Arguments of each call.
-    ordered : bool
+    is_ordered : bool
         Wait for all results and return them in the order of the items.
 
     Returns
     -------
     list or iterator
-        Results in the order of the items if `ordered`, otherwise an iterator in the order of completion.
+        Results in the order of the items if `is_ordered`, otherwise an iterator in the order of completion.
     """
-    if jobs == 1 and not _on_cluster:
-        return _in_this_process(function, units)
+    if jobs == 1 and not _cluster_errors:
+        return _serial_results(function, items)
     for message in (_REPLACED, _CANCELLED):
         warnings.filterwarnings("ignore", message, UserWarning)
     # Arrays are sent directly: joblib would write large arrays to files, of which some remain when a worker is killed
-    options: dict[str, Any] = {} if _on_cluster else {"initializer": work.begin_worker, "max_nbytes": None}
-    results = Parallel(n_jobs=jobs, **options, **({} if ordered else _UNORDERED))(
-        delayed(_call)(function, *item) for item in units
+    options: dict[str, Any] = {} if _cluster_errors else {"initializer": work.begin_worker, "max_nbytes": None}
+    results = Parallel(n_jobs=jobs, **options, **({} if is_ordered else _UNORDERED))(
+        delayed(_call)(function, *item) for item in items
     )
-    return _from_cluster(results) if _on_cluster and not ordered else results
+    return _cluster_results(results) if _cluster_errors and not is_ordered else results
 
 
-def _in_this_process(function: Callable[..., Any], items: Iterable[tuple[Any, ...]]) -> Iterator[Any]:
+def _serial_results(function: Callable[..., Any], items: Iterable[tuple[Any, ...]]) -> Iterator[Any]:
     for item in items:
         result = function(*item)
         raise_if_interrupted()
         yield result
 
 
-def _from_cluster(results: Any) -> Iterator[Any]:
+def _cluster_results(results: Any) -> Iterator[Any]:
     """Yield results; dead workers of a cluster raise the same exception as dead workers of this machine."""
     try:
         yield from results
-    except tuple(_on_cluster) as error:
+    except tuple(_cluster_errors) as error:
         raise TerminatedWorkerError(str(error)) from error
 
 
@@ -128,7 +130,7 @@ def _call(function: Callable[..., Any], *item: Any) -> Any:
 
 def end_workers(jobs: int) -> None:
     """End the worker processes of this machine at once; files that they have stored are complete."""
-    if jobs > 1 and not _on_cluster and (executor := reusable_executor._executor) is not None:
+    if jobs > 1 and not _cluster_errors and (executor := reusable_executor._executor) is not None:
         reusable_executor._executor = None  # so that the next pool does not wait for this one
         _end(executor)
 
@@ -142,11 +144,11 @@ def _end(executor: Any) -> None:
     manager, workers = executor._executor_manager_thread, list((executor._processes or {}).values())
     ending = threading.Thread(target=executor.shutdown, kwargs={"wait": False, "kill_workers": True}, daemon=True)
     ending.start()
-    until = time.monotonic() + _LONGEST_END
+    end_time = time.monotonic() + _LONGEST_END
     ending.join(_LONGEST_END)
     if manager is None:
         return
-    manager.join(max(0.0, until - time.monotonic()))
+    manager.join(max(0.0, end_time - time.monotonic()))
     if manager.is_alive():
         for worker in workers:
             with suppress(OSError):  # it has ended meanwhile

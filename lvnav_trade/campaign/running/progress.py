@@ -8,10 +8,10 @@ from contextlib import contextmanager
 
 from rich import console, progress
 
-from lvnav_trade.quantities.errors import visible
+from lvnav_trade.quantities.errors import visible_text
 
 
-def stamped(line: str) -> str:
+def stamped_line(line: str) -> str:
     """Return a line for standard error, with the local time of day in front if standard error is not a terminal."""
     return line if sys.stderr.isatty() else f"{time.strftime('%H:%M:%S')} {line}"
 
@@ -19,8 +19,8 @@ def stamped(line: str) -> str:
 class Progress:
     """Receiver of the progress of a campaign; this base class shows nothing."""
 
-    def stage(self, name: str, total: int, alike: bool = True) -> None:
-        """Begin a stage of `total` work items; alike: all take equally long, except the first, which may compile."""
+    def stage(self, name: str, total: int, is_uniform: bool = True) -> None:
+        """Begin a stage of `total` work items; `is_uniform`: all take equally long but the first, which may compile."""
 
     def advance(self, count: int) -> None:
         """Count work items as done."""
@@ -35,35 +35,35 @@ class Progress:
 class Plain(Progress):
     """One line per tenth of a stage, for logs."""
 
-    def stage(self, name: str, total: int, alike: bool = True) -> None:
+    def stage(self, name: str, total: int, is_uniform: bool = True) -> None:
         """Begin a stage and print its name."""
         self.name = name
         self.total = total
-        self.start = self.begun = time.monotonic()
-        self.done = self.tenth = self.first = 0
-        self.apart = alike
+        self.stage_start = self.timing_start = time.monotonic()
+        self.done_count = self.tenth = self.first_count = 0
+        self.is_first_pending = is_uniform
         self.note(f"{name}: {total}")
 
     def advance(self, count: int) -> None:
         """Count work items, and print every tenth of the stage with the remaining time."""
-        if self.apart:  # the first item compiles or loads kernels, so it is not part of the estimate
-            self.first, self.begun, self.apart = count, time.monotonic(), False
-        self.done += count
-        tenth = 10 * self.done // max(self.total, 1)
+        if self.is_first_pending:  # the first item compiles or loads kernels, so it is not part of the estimate
+            self.first_count, self.timing_start, self.is_first_pending = count, time.monotonic(), False
+        self.done_count += count
+        tenth = 10 * self.done_count // max(self.total, 1)
         if tenth > self.tenth:
             self.tenth = tenth
-            items = self.done - self.first
+            items = self.done_count - self.first_count
             if items:
-                seconds = time.monotonic() - self.begun
+                seconds = time.monotonic() - self.timing_start
             else:  # only the first item is done yet
-                items = self.first
-                seconds = self.begun - self.start
-            remaining = seconds * (self.total - self.done) / max(items, 1)
-            self.note(f"{self.name}: {self.done}/{self.total}, {remaining:.0f} s left")
+                items = self.first_count
+                seconds = self.timing_start - self.stage_start
+            remaining_seconds = seconds * (self.total - self.done_count) / max(items, 1)
+            self.note(f"{self.name}: {self.done_count}/{self.total}, {remaining_seconds:.0f} s left")
 
     def note(self, line: str) -> None:
         """Print a line."""
-        sys.stderr.write(f"{stamped(visible(line))}\n")
+        sys.stderr.write(f"{stamped_line(visible_text(line))}\n")
         sys.stderr.flush()
 
 
@@ -80,7 +80,7 @@ class Bar(Progress):
             transient=True,
         )
 
-    def stage(self, name: str, total: int, alike: bool = True) -> None:
+    def stage(self, name: str, total: int, is_uniform: bool = True) -> None:
         """Show a new bar."""
         self.bar.start()
         for task in self.bar.task_ids:
@@ -94,7 +94,7 @@ class Bar(Progress):
 
     def note(self, line: str) -> None:
         """Print a line above the bar."""
-        self.bar.console.print(visible(line), highlight=False, markup=False)
+        self.bar.console.print(visible_text(line), highlight=False, markup=False)
 
     def close(self) -> None:
         """Remove the bar."""
@@ -102,7 +102,7 @@ class Bar(Progress):
 
 
 @contextmanager
-def staged(watch: Progress | None, name: str, total: int = 1) -> Iterator[Callable[[], None]]:
+def progress_stage(display: Progress | None, name: str, total: int = 1) -> Iterator[Callable[[], None]]:
     """Report the work within a ``with`` block as one stage.
 
     The function that it yields counts one step; the end of the block is the last step. The steps take different times,
@@ -110,22 +110,22 @@ def staged(watch: Progress | None, name: str, total: int = 1) -> Iterator[Callab
 
     Parameters
     ----------
-    watch : Progress or None
+    display : Progress or None
         Output of the progress; None for none.
     name : str
         Name of the stage.
     total : int
         Number of steps, including the end of the block.
     """
-    if watch is None:
+    if display is None:
         yield lambda: None
         return
-    watch.stage(name, total, alike=False)
+    display.stage(name, total, is_uniform=False)
     try:
-        yield lambda: watch.advance(1)
-        watch.advance(1)
+        yield lambda: display.advance(1)
+        display.advance(1)
     finally:
-        watch.close()
+        display.close()
 
 
 def choose(quiet: bool) -> Progress:

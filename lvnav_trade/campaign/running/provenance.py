@@ -24,7 +24,7 @@ def manifest(campaign: Campaign, requested_cases: Sequence[Case]) -> dict[str, A
     card = campaign.monte_carlo
     content = {
         "seed": campaign.seed,
-        **asked_by(),
+        **command_record(),
         "asked_cases": {case.id: case.label for case in requested_cases},
         "asked_runs": card.runs if card else 0,
         "asked_block": card.block if card else 1,
@@ -34,7 +34,7 @@ def manifest(campaign: Campaign, requested_cases: Sequence[Case]) -> dict[str, A
     return content
 
 
-def asked_by() -> dict[str, Any]:
+def command_record() -> dict[str, Any]:
     """Return the arguments of the command line for the manifest; host and absolute paths only if they are wanted."""
     if os.environ.get(RECORD_HOST):
         return {

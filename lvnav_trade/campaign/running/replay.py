@@ -11,7 +11,7 @@ import numpy as np
 
 from lvnav_trade.campaign.definition.axes import Case
 from lvnav_trade.campaign.definition.schema import Campaign
-from lvnav_trade.campaign.running.work import WHY, Job, WorkOutcome, message_of, navigation, prepared_of
+from lvnav_trade.campaign.running.work import FAILURE_REASONS, Job, WorkOutcome, message_of, navigation, prepared_of
 from lvnav_trade.campaign.syntax.tree import hint
 from lvnav_trade.quantities.errors import InputError, writing
 from lvnav_trade.results.tables.table_files import replacing
@@ -24,16 +24,16 @@ class RunReplay(NamedTuple):
     """A replayed run.
 
     trace : One row per covariance step: errors and formal sigmas, SI, units at the end of column names.
-    at_events : In order of time: event, time (s), magnitude of the error by quantity, display unit by quantity.
+    event_errors : In order of time: event, time (s), magnitude of the error by quantity, display unit by quantity.
     failure : Reason why the run failed; empty if it succeeded.
     """
 
     trace: pd.DataFrame
-    at_events: tuple[tuple[str, float, dict[str, float], dict[str, str]], ...]
+    event_errors: tuple[tuple[str, float, dict[str, float], dict[str, str]], ...]
     failure: str
 
 
-def find(cases: Sequence[Case], wanted: str) -> Case:
+def find(cases: Sequence[Case], identifier: str) -> Case:
     """Return the case with a label, a digest or the first digits of a digest.
 
     Raises
@@ -41,15 +41,15 @@ def find(cases: Sequence[Case], wanted: str) -> Case:
     InputError
         No case, or more than one case, fits.
     """
-    fitting = [case for case in cases if case.label == wanted or case.id.startswith(wanted)]
+    fitting = [case for case in cases if case.label == identifier or case.id.startswith(identifier)]
     if len(fitting) == 1:
         return fitting[0]
     if fitting:
         fitting_ids = ", ".join(case.id for case in fitting)
-        raise InputError(f"{wanted!r} fits several cases, give more of one: {fitting_ids}")
+        raise InputError(f"{identifier!r} fits several cases, give more of one: {fitting_ids}")
     names = [name for case in cases for name in (case.id, case.label)]
     all_ids = ", ".join(case.id for case in cases)
-    raise InputError(f"no case {wanted!r}{hint(wanted, names)}; the cases are {all_ids}")
+    raise InputError(f"no case {identifier!r}{hint(identifier, names)}; the cases are {all_ids}")
 
 
 def replay(campaign: Campaign, case: Case, run: int) -> RunReplay:
@@ -74,29 +74,29 @@ def replay(campaign: Campaign, case: Case, run: int) -> RunReplay:
 
     if run < 0:
         raise InputError(f"run {run}: runs are counted from 0")
-    prepared = prepare(case.scenario, campaign.keep.history)
-    block = montecarlo.replay(prepared, campaign.seed, run)
-    failure = WHY.get(int(block.failed[0]), "")  # code 0 is success
-    return RunReplay(_trace(block, prepared.outputs), _event_errors(block, prepared), failure)
+    prepared_case = prepare(case.scenario, campaign.keep.history)
+    block = montecarlo.replay(prepared_case, campaign.seed, run)
+    failure = FAILURE_REASONS.get(int(block.failed[0]), "")  # code 0 is success
+    return RunReplay(_trace(block, prepared_case.outputs), _event_errors(block, prepared_case), failure)
 
 
 def trace(job: Job, case: Case, runs: Sequence[int]) -> WorkOutcome:
     """Repeat runs of a case and write their errors over time to its tables, as one work item."""
     try:
-        prepared = prepared_of(job, case)
-        blocks = (job.engine.run_block(prepared, job.seed, run, 1) for run in runs)
-        job.results.write_traces(case.id, prepared, blocks)
+        prepared_case = prepared_of(job, case)
+        blocks = (job.engine.run_block(prepared_case, job.seed, run, 1) for run in runs)
+        job.results.write_traces(case.id, prepared_case, blocks)
         return WorkOutcome(case.id, 0, 0)
     except Exception as error:
         return WorkOutcome(case.id, 0, 0, error=message_of(error))
 
 
-def write_trace(replayed: RunReplay, folder: Path, case: Case, run: int) -> Path:
+def write_trace(run_replay: RunReplay, folder: Path, case: Case, run: int) -> Path:
     """Write the trace of a replayed run as a Parquet file.
 
     Parameters
     ----------
-    replayed : RunReplay
+    run_replay : RunReplay
         The replayed run.
     folder : Path
         Folder of results; the file is written to its folder `traces`.
@@ -122,7 +122,7 @@ def write_trace(replayed: RunReplay, folder: Path, case: Case, run: int) -> Path
             raise InputError(f"{path}: was not written by lvnav-trade; move it, or give another folder")
         place.mkdir(parents=True, exist_ok=True)
         with replacing(path) as temporary:
-            replayed.trace.to_parquet(temporary, compression="zstd", index=False)
+            run_replay.trace.to_parquet(temporary, compression="zstd", index=False)
     return path
 
 
@@ -154,16 +154,16 @@ def _trace(block: Any, outputs: Sequence[Any]) -> pd.DataFrame:
     return pd.DataFrame(columns)
 
 
-def _event_errors(block: Any, prepared: Any) -> tuple[tuple[str, float, dict[str, float], dict[str, str]], ...]:
-    """Return `RunReplay.at_events` of a block of one run."""
-    events = prepared.trajectory.events
+def _event_errors(block: Any, prepared_case: Any) -> tuple[tuple[str, float, dict[str, float], dict[str, str]], ...]:
+    """Return `RunReplay.event_errors` of a block of one run."""
+    events = prepared_case.trajectory.events
     rows = []
     for name in sorted(events, key=lambda name: float(events[name])):
         t = float(events[name])
         step = int(np.argmin(np.abs(block.t - t)))
         sizes = {}
         units = {}
-        for label, components in navigation(prepared.outputs):
+        for label, components in navigation(prepared_case.outputs):
             error = block.err[0, step, components]
             error_norm = float(np.linalg.norm(error))
             sizes[label.quantity] = error_norm * label.label_factor

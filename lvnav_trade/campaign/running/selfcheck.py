@@ -5,10 +5,10 @@ from typing import NamedTuple
 
 from lvnav_trade.campaign.definition.axes import Case, cases
 from lvnav_trade.campaign.definition.schema import Campaign
-from lvnav_trade.campaign.running.pool import each
+from lvnav_trade.campaign.running.pool import map_items
 from lvnav_trade.campaign.running.progress import Progress
 from lvnav_trade.covariance.selfcheck.case_checks import check_scenario
-from lvnav_trade.covariance.selfcheck.check import CheckResult, bounded
+from lvnav_trade.covariance.selfcheck.check import CheckResult, set_bounds
 
 
 class CombinedCheck(NamedTuple):
@@ -43,7 +43,7 @@ def selfcheck(campaign: Campaign, jobs: int = -1, progress: Progress | None = No
     progress.stage("self-check", len(all_cases))
     try:
         items = ((k, case, campaign.seed, campaign.keep.history) for k, case in enumerate(all_cases))
-        for number, checks in each(min(len(all_cases), processes), _check_case, items):
+        for number, checks in map_items(min(len(all_cases), processes), _check_case, items):
             by_case[number] = checks
             progress.advance(1)
     finally:
@@ -54,13 +54,13 @@ def selfcheck(campaign: Campaign, jobs: int = -1, progress: Progress | None = No
 def _combined_checks(labels: list[str], by_case: list[list[CheckResult]]) -> list[CombinedCheck]:
     """Return each distinct check once, bounded, with the labels of its cases."""
     distinct: dict[tuple[object, ...], CheckResult] = {}
-    labels_of: dict[tuple[object, ...], list[str]] = {}
+    labels_by_key: dict[tuple[object, ...], list[str]] = {}
     for label, checks in zip(labels, by_case, strict=True):
         for check in checks:
-            key = (check.kind, check.what, repr(check.figure), check.where, check.reason)
+            key = (check.check_type, check.quantity, repr(check.figure), check.remark, check.reason)
             distinct.setdefault(key, check)
-            labels_of.setdefault(key, []).append(label)
-    combined = []
-    for check, check_labels in zip(bounded(distinct.values()), labels_of.values(), strict=True):
-        combined.append(CombinedCheck(check, tuple(check_labels)))
-    return combined
+            labels_by_key.setdefault(key, []).append(label)
+    combined_checks = []
+    for check, check_labels in zip(set_bounds(distinct.values()), labels_by_key.values(), strict=True):
+        combined_checks.append(CombinedCheck(check, tuple(check_labels)))
+    return combined_checks

@@ -14,7 +14,7 @@ from lvnav_trade.results.tables.write import difference
 
 _NUMBER_OF_TOTAL = re.compile(r"([0-9]+)/([0-9]+)")
 _FOLDER = re.compile(r"shard-([0-9]+)-of-([0-9]+)")
-_SAME = ("asked_runs", "asked_block", "seed")  # compared in addition to the digest, which does not cover them
+_COMPARED_KEYS = ("asked_runs", "asked_block", "seed")  # compared in addition to the digest, which does not cover them
 _Item = TypeVar("_Item")
 
 
@@ -29,7 +29,7 @@ class Shard(NamedTuple):
         """Name of the folder of the shard."""
         return f"shard-{self.number}-of-{self.total}"
 
-    def of(self, items: Sequence[_Item]) -> Sequence[_Item]:
+    def select(self, items: Sequence[_Item]) -> Sequence[_Item]:
         """Return the work items of this shard: adjacent items, since items of one case share its preparation."""
         first = (self.number - 1) * len(items) // self.total
         end = self.number * len(items) // self.total
@@ -57,7 +57,7 @@ def _shard_from(match: re.Match[str]) -> Shard:
     return Shard(int(number), int(total))
 
 
-def complete(place: Path) -> list[Path]:
+def all_shard_folders(place: Path) -> list[Path]:
     """Return the folders of all shards of a campaign, in order.
 
     Parameters
@@ -125,10 +125,14 @@ def _refuse_difference(folder: Path, manifest: dict[str, Any], first: Path, firs
 
     Parameters
     ----------
-    folder, first : Path
-        Folders of the shard and of the first shard.
-    manifest, first_manifest : dict
-        Their manifests.
+    folder : Path
+        Folder of the shard.
+    manifest : dict
+        Manifest of the shard.
+    first : Path
+        Folder of the first shard.
+    first_manifest : dict
+        Manifest of the first shard.
 
     Raises
     ------
@@ -137,7 +141,7 @@ def _refuse_difference(folder: Path, manifest: dict[str, Any], first: Path, firs
     """
     if manifest["campaign_digest"] != first_manifest["campaign_digest"]:
         raise InputError(f"{folder}: holds another campaign than {first}")
-    for key in _SAME:
+    for key in _COMPARED_KEYS:
         if manifest.get(key) != first_manifest.get(key):
             name = key.removeprefix("asked_")
             raise InputError(f"{folder}: {name} {manifest.get(key)}, but {first} has {first_manifest.get(key)}")

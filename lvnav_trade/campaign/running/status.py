@@ -33,7 +33,7 @@ _GLANCE_S = 0.1  # s, longer than `holder` keeps the lock to test it
 
 
 @contextmanager
-def locked(folder: Path) -> Iterator[None]:
+def folder_lock(folder: Path) -> Iterator[None]:
     """Lock a folder of results within a ``with`` block; InputError if another process has the lock.
 
     The operating system releases the lock of a killed process. A second file names the process that has the lock, since
@@ -43,15 +43,17 @@ def locked(folder: Path) -> Iterator[None]:
         folder.mkdir(parents=True, exist_ok=True)
         refuse_irregular(folder)
         for name in (_NAME, _HOLDER):
-            if not _is_own(folder / name):
+            if not _is_tool_file(folder / name):
                 raise InputError(f"{folder / name}: is no lock of lvnav-trade; move it, or give another folder")
         (folder / _NAME).touch()
     lock = FileLock(folder / _NAME)
     with writing(folder, "cannot be locked"):
-        if not _taken(lock):
+        if not _acquire(lock):
             time.sleep(_GLANCE_S)
-            if not _taken(lock):
-                raise InputError(f"{folder}: {_who(folder)} is working on these results; wait, or give another folder")
+            if not _acquire(lock):
+                raise InputError(
+                    f"{folder}: {_holder_text(folder)} is working on these results; wait, or give another folder"
+                )
     try:
         replace_file(folder / _HOLDER, f"{os.getpid()} on {platform.node()}")
         yield
@@ -61,7 +63,7 @@ def locked(folder: Path) -> Iterator[None]:
         lock.release()
 
 
-def _is_own(path: Path) -> bool:
+def _is_tool_file(path: Path) -> bool:
     """Whether a file is missing or was written by this tool: no link, no file of the user."""
     try:
         handle = os.open(path, os.O_RDONLY | _NO_LINK)
@@ -84,14 +86,14 @@ def holder(folder: Path) -> str:
         return ""
     lock = FileLock(folder / _NAME)
     try:
-        is_free = _taken(lock)
+        is_free = _acquire(lock)
         lock.release()
     except (OSError, NotImplementedError):  # not ours to lock, or a file system without locks
         return ""
-    return "" if is_free else _who(folder)
+    return "" if is_free else _holder_text(folder)
 
 
-def _taken(lock: FileLock) -> bool:
+def _acquire(lock: FileLock) -> bool:
     try:
         lock.acquire(timeout=0)
     except Timeout:
@@ -101,9 +103,9 @@ def _taken(lock: FileLock) -> bool:
     return True
 
 
-def _who(folder: Path) -> str:
+def _holder_text(folder: Path) -> str:
     try:
-        text = (folder / _HOLDER).read_text(errors="replace")[:200] if _is_own(folder / _HOLDER) else ""
+        text = (folder / _HOLDER).read_text(errors="replace")[:200] if _is_tool_file(folder / _HOLDER) else ""
     except OSError:
         text = ""
     return f"process {text}" if text else "another process"
@@ -114,9 +116,9 @@ class CaseStatus(NamedTuple):
 
     id: str  # digest
     label: str  # label of the case
-    asked: int  # runs required; the largest number if the case stops early
-    stored: int  # runs stored in undamaged blocks
-    failed: int  # stored runs that failed
+    required_runs: int  # runs required; the largest number if the case stops early
+    stored_runs: int  # runs stored in undamaged blocks
+    failed_runs: int  # stored runs that failed
 
 
 class Status(NamedTuple):
@@ -125,47 +127,47 @@ class Status(NamedTuple):
     folder : Folder of its results.
     state : running, unfinished, damaged (the same command repairs it) or finished.
     holder : Process that works on it, if any.
-    asked : Number of runs required, all cases.
-    stored : Number of runs stored, all cases.
-    failed : Number of stored runs that failed.
+    required_runs : Number of runs required, all cases.
+    stored_runs : Number of runs stored, all cases.
+    failed_runs : Number of stored runs that failed.
     cases : Progress of each case.
-    damaged : One line per damaged file.
-    lost : One line per work item that an error ended.
+    damaged_files : One line per damaged file.
+    lost_items : One line per work item that an error ended.
     workers_died : Number of workers that died.
-    resumable : Reason why this version of the tool cannot resume the campaign; empty if it can.
+    resume_obstacle : Reason why this version of the tool cannot resume the campaign; empty if it can.
     """
 
     folder: str
     state: str
     holder: str
-    asked: int
-    stored: int
-    failed: int
+    required_runs: int
+    stored_runs: int
+    failed_runs: int
     cases: tuple[CaseStatus, ...]
-    damaged: tuple[str, ...]
-    lost: tuple[str, ...]
+    damaged_files: tuple[str, ...]
+    lost_items: tuple[str, ...]
     workers_died: int
-    resumable: str
+    resume_obstacle: str
 
     @property
     def text(self) -> str:
         """The progress as text for printing; the first line is the summary."""
         state = {
             "running": f"running, {self.holder}",
-            "unfinished": self.resumable or "unfinished; the same command resumes",
-            "damaged": f"damaged; {self.resumable or 'the same command mends it'}",
+            "unfinished": self.resume_obstacle or "unfinished; the same command resumes",
+            "damaged": f"damaged; {self.resume_obstacle or 'the same command mends it'}",
             "finished": "finished",
         }[self.state]
-        if self.state == "finished" and self.lost:
+        if self.state == "finished" and self.lost_items:
             state = "finished, except for lost work items; the same command computes them"
-        summary = f"{self.folder}: {state}: {self.stored} of {self.asked} runs are stored"
-        if self.failed:
-            summary += f", {self.failed} of them failed"
+        summary = f"{self.folder}: {state}: {self.stored_runs} of {self.required_runs} runs are stored"
+        if self.failed_runs:
+            summary += f", {self.failed_runs} of them failed"
         lines = [summary]
         if self.workers_died:
             lines.append(f"workers that died: {self.workers_died}")
-        lines += [f"damaged: {line}" for line in self.damaged]
-        lines += [f"lost: {line}" for line in self.lost]
+        lines += [f"damaged: {line}" for line in self.damaged_files]
+        lines += [f"lost: {line}" for line in self.lost_items]
         lines.append(table(CaseStatus._fields, self.cases))
         return "\n".join(lines)
 
@@ -184,38 +186,38 @@ def status(folder: Path) -> Status:
         raise InputError(f"{folder}: is a kept base, which has no blocks; give a folder of results")
     working_process = holder(folder)
     is_finished = "finished" in manifest and not working_process
-    damaged: list[str] = []
-    cases = _case_statuses(folder, manifest, is_finished, damaged)
+    damage_messages: list[str] = []
+    cases = _case_statuses(folder, manifest, is_finished, damage_messages)
     if is_finished:
         for name in TABLES:
             try:
                 stored_table(folder, name)
             except InputError as error:
-                damaged.append(str(error))
+                damage_messages.append(str(error))
     if working_process:
         state = "running"
     elif not is_finished:
         state = "unfinished"
     else:
-        state = "damaged" if damaged else "finished"
+        state = "damaged" if damage_messages else "finished"
     version = difference(manifest, environment())
     return Status(
         folder=str(folder),
         state=state,
         holder=working_process,
-        asked=sum(case.asked for case in cases),
-        stored=sum(case.stored for case in cases),
-        failed=sum(case.failed for case in cases),
+        required_runs=sum(case.required_runs for case in cases),
+        stored_runs=sum(case.stored_runs for case in cases),
+        failed_runs=sum(case.failed_runs for case in cases),
         cases=cases,
-        damaged=tuple(damaged),
-        lost=tuple(manifest.get("lost", ())),
+        damaged_files=tuple(damage_messages),
+        lost_items=tuple(manifest.get("lost", ())),
         workers_died=manifest.get("workers_died", 0),
-        resumable=f"was computed {version}; it goes on with that, or again with --fresh" if version else "",
+        resume_obstacle=f"was computed {version}; it goes on with that, or again with --fresh" if version else "",
     )
 
 
 def _case_statuses(
-    folder: Path, manifest: Mapping[str, Any], is_finished: bool, damaged: list[str]
+    folder: Path, manifest: Mapping[str, Any], is_finished: bool, damage_messages: list[str]
 ) -> tuple[CaseStatus, ...]:
     """Return the progress of every case.
 
@@ -227,25 +229,25 @@ def _case_statuses(
         Manifest of the results.
     is_finished : bool
         Whether the campaign is finished.
-    damaged : list of str
+    damage_messages : list of str
         List to which a message is added for each damaged block.
     """
-    finished = _finished_runs(folder) if is_finished else {}
+    finished_runs = _finished_runs(folder) if is_finished else {}
     are_blocks_removed = is_finished and bool(manifest.get("blocks_removed"))
     statuses = []
     for case, label in manifest.get("asked_cases", {}).items():
         required_runs = manifest.get("asked_runs_of", {}).get(case, manifest.get("asked_runs", 0))
-        if case in finished:
-            required_runs, failed = finished[case]
+        if case in finished_runs:
+            required_runs, failed_runs = finished_runs[case]
             if are_blocks_removed:
-                statuses.append(CaseStatus(case, label, required_runs, required_runs, failed))
+                statuses.append(CaseStatus(case, label, required_runs, required_runs, failed_runs))
                 continue
-        statuses.append(_case(folder, manifest, case, label, required_runs, damaged))
+        statuses.append(_case_status(folder, manifest, case, label, required_runs, damage_messages))
     return tuple(statuses)
 
 
-def _case(
-    folder: Path, manifest: Mapping[str, Any], case: str, label: str, required_runs: int, damaged: list[str]
+def _case_status(
+    folder: Path, manifest: Mapping[str, Any], case: str, label: str, required_runs: int, damage_messages: list[str]
 ) -> CaseStatus:
     """Count the runs in the blocks that a resumed campaign uses.
 
@@ -261,10 +263,10 @@ def _case(
         Digest and label of the case.
     required_runs : int
         Runs that the campaign requires of the case.
-    damaged : list of str
+    damage_messages : list of str
         List to which a message is added for each damaged block.
     """
-    stored = failed = 0
+    stored_runs = failed_runs = 0
     block, identity = manifest.get("asked_block", 1), identity_of(manifest, case)
     for path in part_files.paths(folder / "parts" / case):
         first, count = part_files.span(path)
@@ -275,11 +277,11 @@ def _case(
         except FileNotFoundError:  # replaced at this moment
             continue
         except (OSError, ValueError) as error:
-            damaged.append(str(error))
+            damage_messages.append(str(error))
             continue
-        stored += count
-        failed += int((summary.failed != 0).sum())
-    return CaseStatus(case, label, required_runs, stored, failed)
+        stored_runs += count
+        failed_runs += int((summary.failed != 0).sum())
+    return CaseStatus(case, label, required_runs, stored_runs, failed_runs)
 
 
 def _finished_runs(folder: Path) -> Mapping[str, tuple[int, int]]:

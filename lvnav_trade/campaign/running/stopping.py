@@ -8,7 +8,7 @@ from lvnav_trade.campaign.definition.axes import cases
 from lvnav_trade.campaign.definition.schema import Campaign, Requirement
 from lvnav_trade.campaign.running.case_arrays import CaseArrays
 from lvnav_trade.results.registry import metric_of
-from lvnav_trade.results.statistics.case_results import number_in
+from lvnav_trade.results.statistics.case_results import parse_number
 
 # Number of runs of a block that violate each requirement; None if the case does not have the metric
 Counts = tuple[int | None, ...]
@@ -25,7 +25,7 @@ class Stopping:
     def __init__(self, campaign: Campaign) -> None:
         card = campaign.monte_carlo
         self.is_early = card is not None and card.stop is not None
-        self.most = card.runs if card is not None else 0
+        self.run_limit = card.runs if card is not None else 0
         self.block = card.block if card is not None else 0
         self.requirements = campaign.requirements
         self._counts: dict[str, dict[int, Counts]] = {}
@@ -57,7 +57,7 @@ class Stopping:
 
     def runs(self, case: str) -> int:
         """Return the number of runs after which a case ends, as far as it is decided yet."""
-        return self._runs.get(case, self.most)
+        return self._runs.get(case, self.run_limit)
 
     def _decided_runs(self, case: str) -> int | None:
         """Return the number of runs after which all requirements are decided; None if one is still undecided."""
@@ -73,7 +73,7 @@ class Stopping:
             if runs is None:
                 return None
             last_decision = max(last_decision, runs)
-        return min(last_decision, self.most) if self.requirements else None
+        return min(last_decision, self.run_limit) if self.requirements else None
 
 
 def _decision_run(k: int, requirement: Requirement, blocks: Sequence[Counts], block: int) -> int | None:
@@ -92,19 +92,19 @@ def _decision_run(k: int, requirement: Requirement, blocks: Sequence[Counts], bl
     """
     from lvnav_trade.results.requirements.requirements import decide
 
-    violating = []
+    violation_counts = []
     for counts in blocks:
         count = counts[k]
         if count is None:
             return None
-        violating.append(count)
-    cumulative = list(itertools.accumulate(violating))
+        violation_counts.append(count)
+    cumulative = list(itertools.accumulate(violation_counts))
     verdict, runs = decide(cumulative, requirement.probability, requirement.confidence, block)
     return None if verdict == "undecided" else runs
 
 
 def violating_runs(
-    requirements: Sequence[Mapping[str, Any]], case: str, prepared: Any, covariance: Any, summary: Any
+    requirements: Sequence[Mapping[str, Any]], case: str, prepared_case: Any, covariance: Any, summary: Any
 ) -> Counts:
     """Return the number of runs of a block that violate each requirement, counted as the verdicts count them.
 
@@ -114,7 +114,7 @@ def violating_runs(
         Requirements, as in the campaign.
     case : str
         Digest of the case.
-    prepared : Prepared
+    prepared_case : PreparedCase
         The prepared case.
     covariance : CovHistory
         Its linear covariance.
@@ -126,7 +126,7 @@ def violating_runs(
     Counts
         Number by requirement; None for a requirement without its metric.
     """
-    results = CaseArrays(prepared, covariance, summary)
+    results = CaseArrays(prepared_case, covariance, summary)
     return tuple(_violation_count(results, requirement) for requirement in requirements)
 
 
@@ -135,5 +135,5 @@ def _violation_count(results: CaseArrays, requirement: Mapping[str, Any]) -> int
     errors = metric_of(str(requirement["metric"])).errors(results, requirement)
     if errors is None:
         return None
-    limit = number_in(requirement["below"], errors.unit)
-    return int((errors.size >= limit).sum())
+    limit = parse_number(requirement["below"], errors.unit)
+    return int((errors.magnitude >= limit).sum())

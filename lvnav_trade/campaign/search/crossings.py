@@ -62,11 +62,11 @@ def search(
         is_low_permitted = excess(low) <= 0.0
         is_high_permitted = excess(high) <= 0.0
         if is_low_permitted != is_high_permitted:
-            permitted = low if is_low_permitted else high
+            permitted_value = low if is_low_permitted else high
             try:
-                crossing = _crossing(excess, low, high, log) if refine else permitted
+                crossing = _crossing(excess, low, high, log) if refine else permitted_value
             except ValueError:  # a value between them is not possible: excess is NaN there
-                crossing = permitted
+                crossing = permitted_value
             crossings.append((high, crossing))
     first = possible_values[0]
     last = possible_values[-1]
@@ -152,9 +152,9 @@ def _crossing(excess: Callable[[float], float], low: float, high: float, log: bo
     return math.exp(float(root))
 
 
-def _nearest(evaluated: Mapping[float, Any], value: float) -> float:
+def _nearest(ratios_by_value: Mapping[float, Any], value: float) -> float:
     """Return the evaluated value nearest to a value."""
-    return min(evaluated, key=lambda x: abs(x - value))
+    return min(ratios_by_value, key=lambda x: abs(x - value))
 
 
 def _largest(ratios: Mapping[str, float]) -> str:

@@ -7,7 +7,7 @@ total index are therefore equal, s_k^2 / sum_j s_j^2.
 
 Re-tuned filter: the logarithm of the mean square is computed by linear covariance at `samples` Sobol points, where
 `matched` filter models follow the sigmas, and fitted by Legendre polynomials. The indices are those of the fit
-(`fitted_indices`). The half-widths are the 95 % intervals over fits to `RESAMPLED` bootstrap samples.
+(`fitted_indices`). The half-widths are the 95 % intervals over fits to `RESAMPLE_COUNT` bootstrap samples.
 
 local: derivative of the logarithm of the RMS error by the logarithm of sigma, with frozen gains: s_k / total.
 """
@@ -23,18 +23,18 @@ from lvnav_trade.campaign.definition.schema import Campaign, Requirement
 from lvnav_trade.campaign.definition.searches import Indices
 from lvnav_trade.campaign.reading.spaced import points
 from lvnav_trade.campaign.running.case_arrays import CaseArrays
-from lvnav_trade.campaign.running.pool import each
-from lvnav_trade.campaign.search.point import HISTORY, look, not_described
-from lvnav_trade.covariance.diagnostics.case_diagnostics import flown_events, scaled
+from lvnav_trade.campaign.running.pool import map_items
+from lvnav_trade.campaign.search.point import HISTORY, combined_remark, evaluate_requirements
+from lvnav_trade.covariance.diagnostics.case_diagnostics import flight_events, scale_source
 from lvnav_trade.covariance.history import covariance
 from lvnav_trade.quantities.errors import InputError, quoted
 from lvnav_trade.quantities.records import CovHistory, Floats
 from lvnav_trade.results.metrics.injection import InjectionError
 from lvnav_trade.results.metrics.state_errors import NORM, StateError
 from lvnav_trade.results.registry import metric_of
-from lvnav_trade.results.statistics.probability import basis, fitted, fitted_indices, predicted
+from lvnav_trade.results.statistics.probability import basis, fit_polynomials, fitted_indices, predicted_variance_share
 from lvnav_trade.scenario.scenario import Scenario
-from lvnav_trade.simulation.preparation.prepare import Prepared, prepare
+from lvnav_trade.simulation.preparation.prepare import PreparedCase, prepare
 
 COLUMNS = [
     "source",
@@ -47,7 +47,7 @@ COLUMNS = [
     "retuned_total",
     "retuned_total_half_width",
 ]
-RESAMPLED = 100
+RESAMPLE_COUNT = 100
 
 
 class ErrorIndices(NamedTuple):
@@ -56,8 +56,8 @@ class ErrorIndices(NamedTuple):
     indices: pd.DataFrame  # indices of the largest sources, columns `COLUMNS`
     case: str  # label of the case
     error: str  # metric and event
-    covered: float  # share of these sources in the mean square of the error
-    predicted: float  # coefficient of determination of the fit for designs excluded from it; 1 for an exact fit
+    covered_share: float  # share of these sources in the mean square of the error
+    determination: float  # coefficient of determination of the fit for designs excluded from it; 1 for an exact fit
     samples: int  # number of designs
     seconds: float  # wall time, s
     remark: str = ""  # reason why linear covariance does not describe the case; empty if it does
@@ -85,31 +85,31 @@ def indices(campaign: Campaign, settings: Indices, jobs: int = 1) -> ErrorIndice
     InputError
         There is no such requirement, linear covariance does not give its error, or there are too few samples.
     """
-    begun = time.monotonic()
+    start_time = time.monotonic()
     requirement = _requirement(campaign, settings.requirement)
     case = cases(campaign)[0]
-    prepared = prepare(case.scenario, campaign.keep.history)
-    history = covariance(prepared)
-    budget = _mean_squares(prepared, history, requirement)
+    prepared_case = prepare(case.scenario, campaign.keep.history)
+    history = covariance(prepared_case)
+    budget = _mean_squares(prepared_case, history, requirement)
     largest_first = np.argsort(-budget.by_source)
-    scalable = [k for k in largest_first if _is_scaled(case.scenario, budget.sources[k])]
-    selected = scalable[: settings.sources]
-    sources = [budget.sources[k] for k in selected]
-    variances = budget.by_source[selected]
+    scalable_indices = [k for k in largest_first if _is_scaled(case.scenario, budget.sources[k])]
+    source_indices = scalable_indices[: settings.sources]
+    sources = [budget.sources[k] for k in source_indices]
+    variances = budget.by_source[source_indices]
     u = _sampled_designs(len(sources), settings.samples, campaign.seed)
     items = [(case.scenario, sources, settings.factor**design, requirement) for design in u]
-    mean_squares = np.array(list(each(jobs, mean_square, items, ordered=True)))
-    retuned = _fitted_indices(u, mean_squares, campaign.seed)
-    verdicts = look(campaign, case.scenario, [requirement.name])
+    mean_squares = np.array(list(map_items(jobs, mean_square, items, is_ordered=True)))
+    retuned_indices = _fitted_indices(u, mean_squares, campaign.seed)
+    verdicts = evaluate_requirements(campaign, case.scenario, [requirement.name])
     return ErrorIndices(
-        indices=_index_table(sources, variances, budget.total, retuned),
+        indices=_index_table(sources, variances, budget.total, retuned_indices),
         case=case.label,
         error=f"{requirement.metric} at {requirement.at}",
-        covered=float(variances.sum() / budget.total),
-        predicted=predicted(u, mean_squares),
+        covered_share=float(variances.sum() / budget.total),
+        determination=predicted_variance_share(u, mean_squares),
         samples=settings.samples,
-        seconds=time.monotonic() - begun,
-        remark=not_described(verdict.outside for verdict in verdicts.values()),
+        seconds=time.monotonic() - start_time,
+        remark=combined_remark(verdict.validity_remark for verdict in verdicts.values()),
     )
 
 
@@ -172,9 +172,9 @@ def _fitted_indices(u: Floats, mean_squares: Floats, seed: int) -> _FittedIndice
     """
     n_sample, n_source = u.shape
     rng = np.random.default_rng(seed)
-    resamples = rng.integers(0, n_sample, (RESAMPLED, n_sample))
-    fits = [fitted(u, mean_squares)]
-    fits += [fitted(u[resample], mean_squares[resample]) for resample in resamples]
+    resamples = rng.integers(0, n_sample, (RESAMPLE_COUNT, n_sample))
+    fits = [fit_polynomials(u, mean_squares)]
+    fits += [fit_polynomials(u[resample], mean_squares[resample]) for resample in resamples]
     by_fit = fitted_indices(np.array(fits), n_source)  # (first and total, fit, source)
     first, total = by_fit[:, 0]
     interval = np.quantile(by_fit[:, 1:], (0.025, 0.975), axis=1)
@@ -182,7 +182,7 @@ def _fitted_indices(u: Floats, mean_squares: Floats, seed: int) -> _FittedIndice
     return _FittedIndices(first, first_half_width, total, total_half_width)
 
 
-def _index_table(sources: list[str], variances: Floats, total: float, retuned: _FittedIndices) -> pd.DataFrame:
+def _index_table(sources: list[str], variances: Floats, total: float, retuned_indices: _FittedIndices) -> pd.DataFrame:
     """Return the table of `COLUMNS`.
 
     Parameters
@@ -193,7 +193,7 @@ def _index_table(sources: list[str], variances: Floats, total: float, retuned: _
         Mean square of the error due to each source.
     total : float
         Mean square of the error, including the sources that are not in the table.
-    retuned : _FittedIndices
+    retuned_indices : _FittedIndices
         Indices of the re-tuned filter.
     """
     share = variances / total
@@ -205,10 +205,10 @@ def _index_table(sources: list[str], variances: Floats, total: float, retuned: _
         share,  # with frozen gains the local derivative equals the share
         frozen,
         frozen,
-        retuned.first,
-        retuned.first_half_width,
-        retuned.total,
-        retuned.total_half_width,
+        retuned_indices.first,
+        retuned_indices.first_half_width,
+        retuned_indices.total,
+        retuned_indices.total_half_width,
     ]
     rows = list(zip(*columns, strict=True))
     return pd.DataFrame(rows, columns=COLUMNS)
@@ -240,12 +240,12 @@ class _MeanSquares(NamedTuple):
     total: float
 
 
-def _mean_squares(prepared: Prepared, history: CovHistory, requirement: Requirement) -> _MeanSquares:
+def _mean_squares(prepared_case: PreparedCase, history: CovHistory, requirement: Requirement) -> _MeanSquares:
     """Return the mean square of a requirement's error, by source.
 
     Parameters
     ----------
-    prepared : Prepared
+    prepared_case : PreparedCase
         The prepared case.
     history : CovHistory
         Its linear covariance.
@@ -259,11 +259,11 @@ def _mean_squares(prepared: Prepared, history: CovHistory, requirement: Requirem
     """
     metric = metric_of(requirement.metric)
     if isinstance(metric, InjectionError):
-        return _injection_mean_squares(prepared, history, requirement)
-    events = flown_events(prepared)
+        return _injection_mean_squares(prepared_case, history, requirement)
+    events = flight_events(prepared_case)
     columns = []
     if isinstance(metric, StateError):
-        for k, output in enumerate(prepared.outputs):
+        for k, output in enumerate(prepared_case.outputs):
             if output.quantity == metric.quantity and metric.axis in (NORM, output.axis):
                 columns.append(k)
     if requirement.at not in events or not columns:
@@ -276,11 +276,11 @@ def _mean_squares(prepared: Prepared, history: CovHistory, requirement: Requirem
     return _MeanSquares(history.sources, by_source, float(total))
 
 
-def _injection_mean_squares(prepared: Prepared, history: CovHistory, requirement: Requirement) -> _MeanSquares:
+def _injection_mean_squares(prepared_case: PreparedCase, history: CovHistory, requirement: Requirement) -> _MeanSquares:
     """As `_mean_squares`, for an error of the injection of a guided ascent."""
-    results = CaseArrays(prepared, history)
+    results = CaseArrays(prepared_case, history)
     metric = metric_of(requirement.metric)
-    distribution = metric.law(results, requirement.model_dump(mode="json"))
+    distribution = metric.distribution(results, requirement.model_dump(mode="json"))
     if isinstance(distribution, str):
         raise InputError(f"indices.requirement: {requirement.metric}: {distribution}")
     law = distribution.law
@@ -296,7 +296,7 @@ def _injection_mean_squares(prepared: Prepared, history: CovHistory, requirement
 
 
 def _is_scaled(scenario: Scenario, source: str) -> bool:
-    return scaled(scenario, source, 2.0) != scenario
+    return scale_source(scenario, source, 2.0) != scenario
 
 
 def mean_square(scenario: Scenario, sources: list[str], factors: Floats, requirement: Requirement) -> float:
@@ -319,6 +319,6 @@ def mean_square(scenario: Scenario, sources: list[str], factors: Floats, require
         Mean square (SI).
     """
     for source, factor in zip(sources, factors, strict=True):
-        scenario = scaled(scenario, source, float(factor))
-    prepared = prepare(scenario, HISTORY)
-    return _mean_squares(prepared, covariance(prepared), requirement).total
+        scenario = scale_source(scenario, source, float(factor))
+    prepared_case = prepare(scenario, HISTORY)
+    return _mean_squares(prepared_case, covariance(prepared_case), requirement).total

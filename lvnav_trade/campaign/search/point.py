@@ -7,12 +7,12 @@ import numpy as np
 from pydantic import ValidationError
 from scipy import stats
 
-from lvnav_trade.campaign.definition.axes import get, put
+from lvnav_trade.campaign.definition.axes import get, with_value
 from lvnav_trade.campaign.definition.schema import Campaign
 from lvnav_trade.campaign.running import stopping, work
 from lvnav_trade.campaign.running.case_arrays import CaseArrays
 from lvnav_trade.campaign.syntax.tree import hint
-from lvnav_trade.covariance.diagnostics.case_diagnostics import flown_events
+from lvnav_trade.covariance.diagnostics.case_diagnostics import flight_events
 from lvnav_trade.covariance.history import covariance
 from lvnav_trade.filter.assumed import ReceiverModel
 from lvnav_trade.filter.card import FilterCard
@@ -20,11 +20,11 @@ from lvnav_trade.quantities.errors import InputError, quoted
 from lvnav_trade.quantities.records import CovHistory
 from lvnav_trade.quantities.units import parse
 from lvnav_trade.results.evaluation.covariances import NOT_APPLICABLE, why_outside
-from lvnav_trade.results.requirements.improvements import asked_of
+from lvnav_trade.results.requirements.improvements import evaluate_requirement
 from lvnav_trade.results.statistics.probability import success_verdict
-from lvnav_trade.scenario.filter_models import filter_models, sensor_model, sensors_used, solves
+from lvnav_trade.scenario.filter_models import filter_models, has_receiver_solution, sensor_model, used_sensors
 from lvnav_trade.scenario.scenario import Scenario
-from lvnav_trade.simulation.preparation.prepare import Prepared, prepare
+from lvnav_trade.simulation.preparation.prepare import PreparedCase, prepare
 from lvnav_trade.simulation.statistics import summarise
 
 HISTORY = 60.0  # s between history times if only events matter, which are history times too
@@ -39,8 +39,8 @@ class CovarianceVerdict(NamedTuple):
     limit: float  # limit of the requirement, in `unit`; NaN if not available
     probability: float  # probability that the error is below the limit; NaN if not available
     unit: str  # display unit
-    why: str = ""  # reason why the numbers are not available
-    outside: str = ""  # reason why linear covariance does not describe the case at every epoch; empty if it does
+    missing_reason: str = ""  # reason why the numbers are not available
+    validity_remark: str = ""  # reason why linear covariance does not describe the case; empty if it does
 
     @property
     def ratio(self) -> float:
@@ -48,7 +48,9 @@ class CovarianceVerdict(NamedTuple):
         return self.estimate / self.limit
 
 
-def look(campaign: Campaign, scenario: Scenario, names: Sequence[str] = ()) -> dict[str, CovarianceVerdict]:
+def evaluate_requirements(
+    campaign: Campaign, scenario: Scenario, names: Sequence[str] = ()
+) -> dict[str, CovarianceVerdict]:
     """Evaluate requirements in a scenario by linear covariance.
 
     Parameters
@@ -71,7 +73,7 @@ def look(campaign: Campaign, scenario: Scenario, names: Sequence[str] = ()) -> d
 def covariance_verdicts(
     campaign: Campaign, scenario: Scenario, names: Sequence[str] = ()
 ) -> tuple[dict[str, CovarianceVerdict], CovHistory, int]:
-    """Evaluate requirements in a scenario by linear covariance, as `look`.
+    """Evaluate requirements in a scenario by linear covariance, as `evaluate_requirements`.
 
     Parameters
     ----------
@@ -87,43 +89,43 @@ def covariance_verdicts(
     dict of str to CovarianceVerdict, CovHistory, int
         Verdicts by name; linear covariance; number of estimated states (degrees of freedom of the NEES).
     """
-    selected = [requirement for requirement in campaign.requirements if not names or requirement.name in names]
-    has_phase = any(requirement.during for requirement in selected)
-    prepared = prepare(scenario, campaign.keep.history if has_phase else HISTORY)
-    history = covariance(prepared)
-    results = CaseArrays(prepared, history)
-    outside = _outside(prepared, results)
+    requirements = [requirement for requirement in campaign.requirements if not names or requirement.name in names]
+    has_phase = any(requirement.during for requirement in requirements)
+    prepared_case = prepare(scenario, campaign.keep.history if has_phase else HISTORY)
+    history = covariance(prepared_case)
+    results = CaseArrays(prepared_case, history)
+    validity_remark = _validity_remark(prepared_case, results)
     verdicts = {}
-    for requirement in selected:
-        law = asked_of(results, requirement.model_dump(mode="json"))
+    for requirement in requirements:
+        law = evaluate_requirement(results, requirement.model_dump(mode="json"))
         if isinstance(law, str):
-            verdicts[requirement.name] = CovarianceVerdict(np.nan, np.nan, np.nan, unit="", why=law)
+            verdicts[requirement.name] = CovarianceVerdict(np.nan, np.nan, np.nan, unit="", missing_reason=law)
         else:
             verdicts[requirement.name] = CovarianceVerdict(
                 estimate=law.quantile(law.probability) * law.factor,
                 limit=law.bound * law.factor,
-                probability=law.kept(),
+                probability=law.success_probability(),
                 unit=law.unit,
-                outside=outside,
+                validity_remark=validity_remark,
             )
-    return verdicts, history, int(prepared.layout.n_estimated)
+    return verdicts, history, int(prepared_case.layout.n_estimated)
 
 
-def _outside(prepared: Prepared, results: CaseArrays) -> str:
+def _validity_remark(prepared_case: PreparedCase, results: CaseArrays) -> str:
     """Return the reason why linear covariance does not describe a scenario at every epoch; empty if it does."""
     history = results.covariance
     return why_outside(
-        prepared.options.rules is not None, results.largest_tilt(), history.t_epoch, history.false_rejection
+        prepared_case.options.rules is not None, results.largest_tilt(), history.t_epoch, history.false_rejection
     )
 
 
-def not_described(reasons: Iterable[str]) -> str:
+def combined_remark(reasons: Iterable[str]) -> str:
     """Return the remark on cases that linear covariance does not describe, each reason once; empty without reasons."""
     text = "; ".join(dict.fromkeys(reason for reason in reasons if reason))
     return f"{NOT_APPLICABLE}, confirm by runs: {text}" if text else ""
 
 
-def changed(scenario: Scenario, values: Mapping[str, Any]) -> Scenario:
+def with_values(scenario: Scenario, values: Mapping[str, Any]) -> Scenario:
     """Return a scenario with other values at dotted paths.
 
     Parameters
@@ -143,7 +145,7 @@ def changed(scenario: Scenario, values: Mapping[str, Any]) -> Scenario:
     try:
         for path, value in values.items():
             steps = path.removeprefix("base.").split(".")
-            data = put(data, steps, value)
+            data = with_value(data, steps, value)
         return Scenario.model_validate(data)
     except ValidationError as error:
         first_error = error.errors()[0]
@@ -178,33 +180,33 @@ def number_at(scenario: Scenario, path: str, unit: str) -> float:
         return float("nan")
 
 
-def frozen(start: Scenario) -> FilterCard:
+def frozen_filter(scenario: Scenario) -> FilterCard:
     """Return the filter of a scenario with all its models as numbers, so that `matched` models do not follow the truth.
 
     In a scenario with the same measurements and rates it has the gains of the given scenario. A receiver with a
     computed navigation solution still reports the covariance of each solution.
     """
-    imu, receiver, initial = filter_models(start)
+    imu, receiver, initial = filter_models(scenario)
     update: dict[str, Any] = {"imu": imu, "initial": initial}
-    if isinstance(start.filter.receiver, str) and not solves(start):
+    if isinstance(scenario.filter.receiver, str) and not has_receiver_solution(scenario):
         numbers = {name: getattr(receiver, name) for name in ReceiverModel.model_fields}
         update["receiver"] = ReceiverModel.model_construct(**numbers)
-    sensors = sensors_used(start).values()
-    models = {card.measurement: sensor_model(start, card) for card in sensors}
-    update["sensor_models"] = start.filter.sensor_models.model_copy(update=models)
-    return start.filter.model_copy(update=update)
+    sensors = used_sensors(scenario).values()
+    models = {card.measurement: sensor_model(scenario, card) for card in sensors}
+    update["sensor_models"] = scenario.filter.sensor_models.model_copy(update=models)
+    return scenario.filter.model_copy(update=update)
 
 
 class MonteCarloVerdict(NamedTuple):
     """A requirement evaluated by Monte Carlo runs."""
 
-    beyond: int  # number of runs beyond the limit
+    violation_count: int  # number of runs beyond the limit
     runs: int  # number of runs
     verdict: str  # verdict of these runs
-    expected: float  # fraction of runs beyond the limit by linear covariance
+    expected_share: float  # fraction of runs beyond the limit by linear covariance
 
 
-def fly(campaign: Campaign, scenario: Scenario, runs: int) -> dict[str, MonteCarloVerdict]:
+def monte_carlo_verdicts(campaign: Campaign, scenario: Scenario, runs: int) -> dict[str, MonteCarloVerdict]:
     """Evaluate all requirements of a campaign in a scenario by Monte Carlo runs.
 
     Parameters
@@ -221,26 +223,26 @@ def fly(campaign: Campaign, scenario: Scenario, runs: int) -> dict[str, MonteCar
     dict of str to MonteCarloVerdict
         Verdicts by name of the requirement, with the share of runs expected by linear covariance.
     """
-    prepared = prepare(scenario, campaign.keep.history)
-    history = covariance(prepared)
+    prepared_case = prepare(scenario, campaign.keep.history)
+    history = covariance(prepared_case)
     requirements = [requirement.model_dump(mode="json") for requirement in campaign.requirements]
     block_size = campaign.monte_carlo.block if campaign.monte_carlo else 40
-    events = flown_events(prepared)
+    events = flight_events(prepared_case)
     violations = np.zeros(len(requirements), dtype=int)
     for first in range(0, runs, block_size):
         n_run = min(block_size, runs - first)
-        block = work.ENGINE.run_block(prepared, campaign.seed, first, n_run)
-        summary = summarise(block, events, history.true_sigma, prepared.outputs)
-        block_counts = stopping.violating_runs(requirements, "", prepared, history, summary)
+        block = work.ENGINE.run_block(prepared_case, campaign.seed, first, n_run)
+        summary = summarise(block, events, history.true_sigma, prepared_case.outputs)
+        block_counts = stopping.violating_runs(requirements, "", prepared_case, history, summary)
         violations += [count or 0 for count in block_counts]
-    by_covariance = look(campaign, scenario)
+    by_covariance = evaluate_requirements(campaign, scenario)
     verdicts = {}
     for requirement, count in zip(campaign.requirements, violations, strict=True):
         verdicts[requirement.name] = MonteCarloVerdict(
-            beyond=int(count),
+            violation_count=int(count),
             runs=runs,
             verdict=success_verdict(runs, int(count), requirement.probability, requirement.confidence),
-            expected=1.0 - by_covariance[requirement.name].probability,
+            expected_share=1.0 - by_covariance[requirement.name].probability,
         )
     return verdicts
 
@@ -268,13 +270,13 @@ def confirm(
         they agree: by a binomial test with the significance level `ALPHA`.
     """
     rows = []
-    for name, result in fly(campaign, scenario, runs).items():
+    for name, result in monte_carlo_verdicts(campaign, scenario, runs).items():
         if names and name not in names:
             continue
-        expected = min(1.0, max(0.0, result.expected))
-        test = stats.binomtest(result.beyond, result.runs, expected)
+        expected_share = min(1.0, max(0.0, result.expected_share))
+        test = stats.binomtest(result.violation_count, result.runs, expected_share)
         agrees = float(test.pvalue) >= ALPHA
-        row = (name, result.runs, result.beyond, result.expected, result.verdict, agrees)
+        row = (name, result.runs, result.violation_count, result.expected_share, result.verdict, agrees)
         rows.append(row)
     return rows
 

@@ -11,21 +11,21 @@ import pandas as pd
 from lvnav_trade.campaign.definition.axes import Case, cases, get
 from lvnav_trade.campaign.definition.schema import Campaign
 from lvnav_trade.campaign.definition.searches import Solve, Total, Vary
-from lvnav_trade.campaign.reading.spaced import AxisEnds, ends_of
-from lvnav_trade.campaign.running.pool import each
+from lvnav_trade.campaign.reading.spaced import AxisEnds, parse_ends
+from lvnav_trade.campaign.running.pool import map_items
 from lvnav_trade.campaign.search.crossings import PermittedValues, search
 from lvnav_trade.campaign.search.point import (
     FROZEN,
     RETUNED,
     CovarianceVerdict,
-    changed,
     check_names,
+    combined_remark,
     confirm,
-    frozen,
-    look,
-    not_described,
+    evaluate_requirements,
+    frozen_filter,
     number_at,
     with_filter,
+    with_values,
 )
 from lvnav_trade.quantities.errors import InputError, quoted
 from lvnav_trade.quantities.records import Floats
@@ -117,19 +117,19 @@ def solve(campaign: Campaign, problem: Solve, jobs: int = 1) -> InverseSolution:
         for second in second_values
     ]
     answer_rows, interval_rows, scanned_rows = [], [], []
-    for answer_row, intervals, scanned in each(jobs, _solve_case, items, ordered=True):
+    for answer_row, intervals, case_scan_rows in map_items(jobs, _solve_case, items, is_ordered=True):
         answer_rows.append(answer_row)
         interval_rows += intervals
-        scanned_rows += scanned
+        scanned_rows += case_scan_rows
     answers = pd.DataFrame(answer_rows, columns=ANSWERS)
-    confirmed: list[tuple[Any, ...]] = []
-    for rows in each(jobs, _confirm, _confirmation_items(campaign, problem, all_cases, answers), ordered=True):
-        confirmed += rows
+    confirmation_rows: list[tuple[Any, ...]] = []
+    for rows in map_items(jobs, _confirm, _confirmation_items(campaign, problem, all_cases, answers), is_ordered=True):
+        confirmation_rows += rows
     return InverseSolution(
         answers=answers,
         intervals=pd.DataFrame(interval_rows, columns=INTERVALS),
         scanned=pd.DataFrame(scanned_rows, columns=SCANNED),
-        confirmed=pd.DataFrame(confirmed, columns=CONFIRMED),
+        confirmed=pd.DataFrame(confirmation_rows, columns=CONFIRMED),
         names=tuple(vary.path for vary in problem.vary),
         units=tuple(ends.unit for ends, _ in spans),
         seconds=time.monotonic() - start,
@@ -163,8 +163,8 @@ def _whole_numbers(vary: Vary, case: Case) -> Vary:
         return vary
     ends, _ = span(vary)
     n_number = int(abs(ends.last - ends.first)) + 1
-    spaced = np.linspace(ends.first, ends.last, min(n_number, 100))
-    numbers = np.unique(np.round(spaced)).astype(int)
+    spaced_numbers = np.linspace(ends.first, ends.last, min(n_number, 100))
+    numbers = np.unique(np.round(spaced_numbers)).astype(int)
     return Vary(path=vary.path, values=tuple(numbers.tolist()))
 
 
@@ -172,11 +172,11 @@ def span(vary: Vary) -> tuple[AxisEnds, Floats]:
     """Return the ends and the grid values (n,) of a variation; InputError unless all have the same unit."""
     try:
         if vary.values is not None:
-            pairs = [ends_of((vary.values[0], value)) for value in vary.values[1:]]
+            pairs = [parse_ends((vary.values[0], value)) for value in vary.values[1:]]
             values = [pairs[0].first]
             values += [pair.last for pair in pairs]
             return pairs[0], np.array(values)
-        ends = ends_of(vary.between or ())
+        ends = parse_ends(vary.between or ())
         fraction = np.linspace(0.0, 1.0, vary.points)
         if not vary.log:
             length = ends.last - ends.first
@@ -217,10 +217,10 @@ def _scenario(problem: Solve, case: Case, tuning: str, second: Any, value: float
     values = {problem.vary[0].path: ends.text(value)}
     if second is not None:
         values[problem.vary[1].path] = second
-    scenario = changed(case.scenario, values)
+    scenario = with_values(case.scenario, values)
     varies_filter = any(vary.path.startswith("filter.") for vary in problem.vary)
     if tuning == FROZEN and not varies_filter:
-        return with_filter(scenario, frozen(case.scenario))
+        return with_filter(scenario, frozen_filter(case.scenario))
     return scenario
 
 
@@ -249,25 +249,26 @@ def _solve_case(
     """
     vary = problem.vary[0]
     ends, grid = span(vary)
-    evaluated: dict[float, dict[str, CovarianceVerdict]] = {}
-    impossible: list[str] = []
+    verdicts_by_value: dict[float, dict[str, CovarianceVerdict]] = {}
+    error_messages: list[str] = []
 
     def ratio(value: float) -> dict[str, float]:
         try:
-            evaluated[value] = look(campaign, _scenario(problem, case, tuning, second, value), problem.meet)
+            scenario = _scenario(problem, case, tuning, second, value)
+            verdicts_by_value[value] = evaluate_requirements(campaign, scenario, problem.meet)
         except (InputError, ValueError) as error:
-            impossible.append(str(error).splitlines()[0])
+            error_messages.append(str(error).splitlines()[0])
             return {"": math.nan}
-        return {name: verdict.ratio for name, verdict in evaluated[value].items()}
+        return {name: verdict.ratio for name, verdict in verdicts_by_value[value].items()}
 
     solution = search(ratio, grid, vary.log, refine=vary.values is None)
-    if not evaluated:
-        raise InputError(f"solve: no value of {vary.path} is possible: {impossible[0]}")
-    along, along_unit = math.nan, ""
+    if not verdicts_by_value:
+        raise InputError(f"solve: no value of {vary.path} is possible: {error_messages[0]}")
+    second_number, second_unit = math.nan, ""
     if second is not None:
-        along = float(str(second).partition(" ")[0])
-        along_unit = span(problem.vary[1])[0].unit
-    keys = (case.label, tuning, along, along_unit)
+        second_number = float(str(second).partition(" ")[0])
+        second_unit = span(problem.vary[1])[0].unit
+    keys = (case.label, tuning, second_number, second_unit)
     answer_row = (
         *keys,
         solution.answer,
@@ -275,20 +276,20 @@ def _solve_case(
         solution.limiting_requirement,
         solution.monotone,
         number_at(case.scenario, vary.path, ends.unit),
-        len(evaluated),
-        _remark(solution, evaluated, impossible),
+        len(verdicts_by_value),
+        _remark(solution, verdicts_by_value, error_messages),
     )
-    interval_rows = [(*keys, least, largest, ends.unit) for least, largest in solution.intervals]
-    return answer_row, interval_rows, _scanned_rows(keys, ends.unit, evaluated)
+    interval_rows = [(*keys, smallest, largest, ends.unit) for smallest, largest in solution.intervals]
+    return answer_row, interval_rows, _scanned_rows(keys, ends.unit, verdicts_by_value)
 
 
 def _scanned_rows(
-    keys: tuple[Any, ...], unit: str, evaluated: Mapping[float, Mapping[str, CovarianceVerdict]]
+    keys: tuple[Any, ...], unit: str, verdicts_by_value: Mapping[float, Mapping[str, CovarianceVerdict]]
 ) -> list[tuple[Any, ...]]:
     """Return the rows of `SCANNED`, in the order of the values; `keys`: case, tuning and value of the second field."""
     rows = []
-    for value in sorted(evaluated):
-        for name, verdict in evaluated[value].items():
+    for value in sorted(verdicts_by_value):
+        for name, verdict in verdicts_by_value[value].items():
             row = (
                 *keys,
                 value,
@@ -305,19 +306,24 @@ def _scanned_rows(
 
 
 def _remark(
-    solution: PermittedValues, evaluated: Mapping[float, Mapping[str, CovarianceVerdict]], impossible: Sequence[str]
+    solution: PermittedValues,
+    verdicts_by_value: Mapping[float, Mapping[str, CovarianceVerdict]],
+    error_messages: Sequence[str],
 ) -> str:
     """Return the remark on a solution: requirements and values without numbers, limits that were not reached."""
-    first_verdicts = next(iter(evaluated.values()))
-    not_available = [f"{name}: {verdict.why}" for name, verdict in first_verdicts.items() if verdict.why]
+    first_verdicts = next(iter(verdicts_by_value.values()))
+    not_available = [
+        f"{name}: {verdict.missing_reason}" for name, verdict in first_verdicts.items() if verdict.missing_reason
+    ]
     texts = []
     if not solution.intervals and not not_available:
         texts.append("met by no value")
     elif solution.intervals and not solution.limiting_requirement:
         texts.append("met up to the largest value")
     texts += not_available
-    texts += impossible[:1]
-    texts.append(not_described(verdict.outside for verdicts in evaluated.values() for verdict in verdicts.values()))
+    texts += error_messages[:1]
+    all_verdicts = [verdict for verdicts in verdicts_by_value.values() for verdict in verdicts.values()]
+    texts.append(combined_remark(verdict.validity_remark for verdict in all_verdicts))
     return "; ".join(filter(None, texts))
 
 
@@ -351,18 +357,18 @@ def _confirm(
     return [(case.label, tuning, value, ends.unit, *row) for row in rows]
 
 
-def from_words(varied: Sequence[str], log: bool, meet: Sequence[str], least: str = "") -> Solve:
+def parse_problem(range_texts: Sequence[str], log: bool, meet: Sequence[str], total: str = "") -> Solve:
     """Return the inverse problem given on the command line.
 
     Parameters
     ----------
-    varied : sequence of str
+    range_texts : sequence of str
         One or two fields with their ranges, such as ``initial.heading=0.01 deg:2 deg``.
     log : bool
         Search in the logarithm.
     meet : sequence of str
         Names of the requirements; all if empty.
-    least : str
+    total : str
         Total to minimise, in place of fields to vary.
 
     Returns
@@ -376,7 +382,7 @@ def from_words(varied: Sequence[str], log: bool, meet: Sequence[str], least: str
         A text is not valid, or the arguments do not fit together.
     """
     ranges = []
-    for text in varied:
+    for text in range_texts:
         path, equals, limits = text.partition("=")
         low, colon, high = limits.partition(":")
         if not equals or not colon:
@@ -386,8 +392,8 @@ def from_words(varied: Sequence[str], log: bool, meet: Sequence[str], least: str
         ranges.append(Vary(path=path.strip(), between=(low.strip(), high.strip()), log=log))
     if len(ranges) > 2:
         raise InputError("--vary: give one or two fields")
-    if least not in ("", *get_args(Total)):
-        raise InputError(f"--least {quoted(least)}: should be one of {', '.join(get_args(Total))}")
-    if bool(ranges) == bool(least) or (least and log):
+    if total not in ("", *get_args(Total)):
+        raise InputError(f"--least {quoted(total)}: should be one of {', '.join(get_args(Total))}")
+    if bool(ranges) == bool(total) or (total and log):
         raise InputError("give either --vary or --least; --log belongs to --vary")
-    return Solve(vary=tuple(ranges), meet=tuple(meet), least=least or None)
+    return Solve(vary=tuple(ranges), meet=tuple(meet), least=total or None)

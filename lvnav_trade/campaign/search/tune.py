@@ -17,9 +17,15 @@ from scipy import optimize
 from lvnav_trade.campaign.definition.axes import Case, cases
 from lvnav_trade.campaign.definition.schema import Campaign
 from lvnav_trade.campaign.definition.searches import Tune
-from lvnav_trade.campaign.reading.spaced import AxisEnds, ends_of
-from lvnav_trade.campaign.running.pool import each
-from lvnav_trade.campaign.search.point import changed, covariance_verdicts, fly, not_described, number_at
+from lvnav_trade.campaign.reading.spaced import AxisEnds, parse_ends
+from lvnav_trade.campaign.running.pool import map_items
+from lvnav_trade.campaign.search.point import (
+    combined_remark,
+    covariance_verdicts,
+    monte_carlo_verdicts,
+    number_at,
+    with_values,
+)
 from lvnav_trade.filter.card import FilterCard
 from lvnav_trade.quantities.errors import InputError, quoted
 from lvnav_trade.quantities.records import Floats
@@ -46,7 +52,7 @@ class TuningPoint(NamedTuple):
 
     ratio: float  # error of the requirement over its limit
     nees: float  # expected normalised estimation error squared at the event, per state
-    outside: str = ""  # reason why linear covariance does not describe the case; empty if it does
+    validity_remark: str = ""  # reason why linear covariance does not describe the case; empty if it does
 
 
 class TunedFilter(NamedTuple):
@@ -76,7 +82,7 @@ def tune(campaign: Campaign, settings: Tune, jobs: int = 1) -> TunedFilter:
     InputError
         A case or requirement is unknown, or a variable is not a number of the filter.
     """
-    begun = time.monotonic()
+    start_time = time.monotonic()
     name = _requirement_name(campaign, settings)
     all_cases = cases(campaign)
     labels = {case.label for case in all_cases}
@@ -90,12 +96,12 @@ def tune(campaign: Campaign, settings: Tune, jobs: int = 1) -> TunedFilter:
     scores: dict[tuple[float, ...], float] = {}
 
     def goal(x: Floats) -> float:
-        clipped = np.clip(x, 0.0, 1.0)
-        key = tuple(np.round(clipped, 9))
+        clipped_point = np.clip(x, 0.0, 1.0)
+        key = tuple(np.round(clipped_point, 9))
         if key not in scores:
             values = _values_at(spans, x)
             items = [(campaign, case, name, values) for case in tuning_cases]
-            points = list(each(jobs, point, items, ordered=True))
+            points = list(map_items(jobs, point, items, is_ordered=True))
             scores[key] = score(points, settings)
         return scores[key]
 
@@ -105,19 +111,19 @@ def tune(campaign: Campaign, settings: Tune, jobs: int = 1) -> TunedFilter:
     bounds = [(0.0, 1.0)] * len(x0)
     best = optimize.minimize(goal, x0, method="Nelder-Mead", bounds=bounds, options=options)
     tuned_values = _values_at(spans, best.x)
-    tuned_scenario = changed(scenario, tuned_values)
+    tuned_scenario = with_values(scenario, tuned_values)
     value_rows = []
     for path, ends in spans.items():
-        after = number_at(tuned_scenario, path, ends.unit)
-        row = (path, starts[path], after, ends.unit, ends.first, ends.last)
+        tuned_value = number_at(tuned_scenario, path, ends.unit)
+        row = (path, starts[path], tuned_value, ends.unit, ends.first, ends.last)
         value_rows.append(row)
-    case_rows = _before_and_after(campaign, settings, all_cases, name, tuned_values, jobs)
+    case_rows = _case_rows(campaign, settings, all_cases, name, tuned_values, jobs)
     return TunedFilter(
         values=pd.DataFrame(value_rows, columns=VALUES),
         cases=pd.DataFrame(case_rows, columns=CASES),
         card=_card(campaign, settings, tuning_cases, name, tuned_values, len(scores)),
         evaluations=len(scores),
-        seconds=time.monotonic() - begun,
+        seconds=time.monotonic() - start_time,
     )
 
 
@@ -153,7 +159,7 @@ def _initial_simplex(x0: Sequence[float]) -> Floats:
     return vertices
 
 
-def _before_and_after(
+def _case_rows(
     campaign: Campaign, settings: Tune, all_cases: Sequence[Case], name: str, tuned_values: Mapping[str, Any], jobs: int
 ) -> list[tuple[Any, ...]]:
     """Return the rows of `CASES`: all cases with the original and with the tuned filter.
@@ -174,23 +180,24 @@ def _before_and_after(
         Number of worker processes.
     """
     items = [(campaign, case, name, values) for case in all_cases for values in ({}, tuned_values)]
-    points = list(each(jobs, point, items, ordered=True))
+    points = list(map_items(jobs, point, items, is_ordered=True))
     runs = campaign.monte_carlo.runs if campaign.monte_carlo else 0
     run_items = [(campaign, case, tuned_values, runs, name) for case in all_cases]
-    run_results = list(each(jobs, _confirm, run_items, ordered=True))
+    run_results = list(map_items(jobs, _confirm, run_items, is_ordered=True))
     rows = []
-    original = points[::2]
-    tuned = points[1::2]
-    for case, before, after, run_result in zip(all_cases, original, tuned, run_results, strict=True):
+    original_points = points[::2]
+    tuned_points = points[1::2]
+    results = zip(all_cases, original_points, tuned_points, run_results, strict=True)
+    for case, original_point, tuned_point, run_result in results:
         row = (
             case.label,
             "held out" if case.label in settings.hold_out else "tuned",
-            before.ratio,
-            after.ratio,
-            before.nees,
-            after.nees,
+            original_point.ratio,
+            tuned_point.ratio,
+            original_point.nees,
+            tuned_point.nees,
             *run_result,
-            not_described([before.outside, after.outside]),
+            combined_remark([original_point.validity_remark, tuned_point.validity_remark]),
         )
         rows.append(row)
     return rows
@@ -219,9 +226,9 @@ def _confirm(campaign: Campaign, case: Case, values: Mapping[str, Any], runs: in
     """
     if not runs:
         return 0, 0, ""
-    scenario = changed(case.scenario, values)
-    result = fly(campaign, scenario, runs)[name]
-    return result.runs, result.beyond, result.verdict
+    scenario = with_values(case.scenario, values)
+    result = monte_carlo_verdicts(campaign, scenario, runs)[name]
+    return result.runs, result.violation_count, result.verdict
 
 
 def _requirement_name(campaign: Campaign, settings: Tune) -> str:
@@ -231,14 +238,14 @@ def _requirement_name(campaign: Campaign, settings: Tune) -> str:
     raise InputError(f"tune.requirement: no requirement {quoted(settings.requirement)}")
 
 
-def _span(path: str, between: Sequence[Any]) -> AxisEnds:
+def _span(path: str, limits: Sequence[Any]) -> AxisEnds:
     try:
-        ends = ends_of(between)
+        ends = parse_ends(limits)
         if min(ends.first, ends.last) <= 0.0 or not path.startswith("filter."):
             raise ValueError("should be a field of the filter, between two values above zero")
     except ValueError as error:
         raise InputError(f"tune.variables: {path}: {error}") from None
-    return ends._replace(whole=False)
+    return ends._replace(is_integer=False)
 
 
 def _position(start: float, ends: AxisEnds) -> float:
@@ -269,15 +276,15 @@ def point(campaign: Campaign, case: Case, name: str, values: Mapping[str, Any]) 
     TuningPoint
         Ratio of error to limit, and NEES per estimated state at the event of the requirement.
     """
-    scenario = changed(case.scenario, values)
+    scenario = with_values(case.scenario, values)
     verdicts, history, degrees_of_freedom = covariance_verdicts(campaign, scenario, [name])
     (requirement,) = (requirement for requirement in campaign.requirements if requirement.name == name)
     events = trajectory_of(scenario).events
     t_event = events.get(requirement.at or "", history.t[-1])
-    epoch = int(np.argmin(np.abs(history.t - t_event)))
-    nees = float(history.expected_nees[epoch])
+    hist = int(np.argmin(np.abs(history.t - t_event)))
+    nees = float(history.expected_nees[hist])
     verdict = verdicts[name]
-    return TuningPoint(verdict.ratio, nees / degrees_of_freedom, verdict.outside)
+    return TuningPoint(verdict.ratio, nees / degrees_of_freedom, verdict.validity_remark)
 
 
 def score(points: Sequence[TuningPoint], settings: Tune) -> float:
@@ -299,12 +306,12 @@ def score(points: Sequence[TuningPoint], settings: Tune) -> float:
     if not np.isfinite(ratios).all():
         return 1e6
     size = ratios.max() if settings.over == "worst" else ratios.mean()
-    beyond = 0.0
+    nees_excess = 0.0
     if settings.nees is not None:
         low, high = settings.nees
         for point in points:
-            beyond += max(0.0, np.log(low / point.nees), np.log(point.nees / high))
-    return float(np.log(size) + _OUTSIDE * beyond)
+            nees_excess += max(0.0, np.log(low / point.nees), np.log(point.nees / high))
+    return float(np.log(size) + _OUTSIDE * nees_excess)
 
 
 def _card(
@@ -332,7 +339,7 @@ def _card(
     evaluations : int
         Number of evaluations by linear covariance.
     """
-    card = changed(tuning_cases[0].scenario, values).filter
+    card = with_values(tuning_cases[0].scenario, values).filter
     values_text = ", ".join(f"{path} = {value}" for path, value in values.items())
     cases_text = "; ".join(case.label for case in tuning_cases)
     source = (

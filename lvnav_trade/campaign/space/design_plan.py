@@ -37,7 +37,7 @@ def select_designs(table: pa.Table, campaign: Campaign) -> Selection:
     possible = np.flatnonzero(case != "")
     numbers = table["design_number"].to_numpy()
     ratio = _column(table, "error_ratio")
-    best = _best(table, possible, ratio)
+    best = _best_row(table, possible, ratio)
     selection: Selection = {"best": numbers[best].tolist()}
     if campaign.covariance.spot_check:
         rng = np.random.default_rng([campaign.seed, len(possible)])
@@ -46,9 +46,9 @@ def select_designs(table: pa.Table, campaign: Campaign) -> Selection:
         selection["at random"] = numbers[sample].tolist()
     card = campaign.monte_carlo
     if card is not None:
-        candidates = front(table, possible) if card.cases == "front" else nearest(possible, ratio)
-        selected = candidates[: card.chosen_most]
-        selection[card.cases or "undecided"] = numbers[selected].tolist()
+        candidates = front_rows(table, possible) if card.cases == "front" else nearest_rows(possible, ratio)
+        selected_rows = candidates[: card.case_limit]
+        selection[card.cases or "undecided"] = numbers[selected_rows].tolist()
     return selection
 
 
@@ -59,17 +59,17 @@ def _column(table: pa.Table, name: str) -> Floats:
     return np.asarray(table[name].to_numpy(), dtype=float)
 
 
-def _best(table: pa.Table, possible: Ints, ratio: Floats) -> Ints:
+def _best_row(table: pa.Table, possible: Ints, ratio: Floats) -> Ints:
     """Return the row with the smallest ratio of error to limit; without requirements the smallest velocity error."""
     value = ratio if np.isfinite(ratio[possible]).any() else _column(table, "velocity_m_per_s")
-    evaluated = possible[np.isfinite(value[possible])]
-    if not len(evaluated):
+    evaluated_rows = possible[np.isfinite(value[possible])]
+    if not len(evaluated_rows):
         return possible[:1]
-    ascending = np.argsort(value[evaluated], kind="stable")
-    return evaluated[ascending][:1]
+    ascending = np.argsort(value[evaluated_rows], kind="stable")
+    return evaluated_rows[ascending][:1]
 
 
-def nearest(possible: Ints, ratio: Floats) -> Ints:
+def nearest_rows(possible: Ints, ratio: Floats) -> Ints:
     """Return the rows sorted by the distance of the largest error from its limit, as |log(error / limit)|.
 
     Parameters
@@ -81,12 +81,12 @@ def nearest(possible: Ints, ratio: Floats) -> Ints:
     """
     possible_ratio = ratio[possible]
     has_logarithm = np.isfinite(possible_ratio) & (possible_ratio > 0.0)
-    evaluated = possible[has_logarithm]
-    distance = np.abs(np.log(ratio[evaluated]))
-    return evaluated[np.argsort(distance, kind="stable")]
+    evaluated_rows = possible[has_logarithm]
+    distance = np.abs(np.log(ratio[evaluated_rows]))
+    return evaluated_rows[np.argsort(distance, kind="stable")]
 
 
-def front(table: pa.Table, possible: Ints) -> Ints:
+def front_rows(table: pa.Table, possible: Ints) -> Ints:
     """Return the rows on the Pareto front of error and totals of the devices, sorted by the error over its limit."""
     names = ["error_ratio", "cost", "mass_kg", "power_w", "volume_m3"]
     columns = [_column(table, name)[possible] for name in names]
@@ -136,7 +136,7 @@ class DesignsPlan(NamedTuple):
     seconds_of_designs: float
 
 
-def planned(campaign: Campaign, folder: Path, flights: Mapping[str, Mapping[str, float]]) -> DesignsPlan:
+def estimate_designs(campaign: Campaign, folder: Path, flights: Mapping[str, Mapping[str, float]]) -> DesignsPlan:
     """Estimate the cost of a design space, with one covariance pass per design; shared passes take less time.
 
     Parameters
@@ -154,25 +154,25 @@ def planned(campaign: Campaign, folder: Path, flights: Mapping[str, Mapping[str,
     probe_seconds = sum(covariance_seconds(case, duration) for case in probe_cases)
     row_seconds = n_designs * (probe_seconds / len(probe_cases) + _DESIGN_S)
     card = campaign.monte_carlo
-    selected = 1
+    selected_count = 1
     if campaign.covariance.spot_check:
-        selected += AT_RANDOM
+        selected_count += AT_RANDOM
     if card is not None:
-        selected += card.chosen_most
-    selected = min(selected, n_designs)
+        selected_count += card.case_limit
+    selected_count = min(selected_count, n_designs)
     one_design = campaign.probe.model_copy(update={"axes": (), "design": "grid", "references": ()})
     per_case = estimate(one_design, folder, {case.id: duration for case in cases(one_design)})
     event_numbers = _event_numbers(campaign, flights)
-    table_bytes = selected * 1e6 * (per_case.disk_mb - per_case.blocks_mb)
+    table_bytes = selected_count * 1e6 * (per_case.disk_mb - per_case.blocks_mb)
     final_bytes = n_designs * (_ROW_BYTES + _PAGE_BYTES + event_numbers * _EVENT_BYTES) + table_bytes
     temporary_bytes = n_designs * (_PART_BYTES + event_numbers * _EVENT_PART_BYTES)
-    temporary_bytes += selected * 1e6 * per_case.blocks_mb + _CASE_TABLES * table_bytes
+    temporary_bytes += selected_count * 1e6 * per_case.blocks_mb + _CASE_TABLES * table_bytes
     return DesignsPlan(
         store=str(campaign.store),
         designs=n_designs,
-        whole=selected,
-        runs=selected * card.runs if card is not None else 0,
-        seconds=row_seconds + selected * per_case.seconds,
+        whole=selected_count,
+        runs=selected_count * card.runs if card is not None else 0,
+        seconds=row_seconds + selected_count * per_case.seconds,
         disk_mb=final_bytes / 1e6,
         most_mb=(final_bytes + temporary_bytes) / 1e6,
         memory_mb=per_case.memory_mb + n_designs * _DESIGN_BYTES / 1e6,

@@ -27,14 +27,14 @@ from lvnav_trade.covariance.shared_pass import covariance_of
 from lvnav_trade.quantities.records import CovHistory, Floats, Ints
 from lvnav_trade.results.evaluation.covariances import NOT_APPLICABLE, why_outside
 from lvnav_trade.results.evaluation.designs import AXIS, at_event, requirement_columns, slug
-from lvnav_trade.results.evaluation.resources import total_of
+from lvnav_trade.results.evaluation.resources import device_totals
 from lvnav_trade.results.metric import NAVIGATION_UNITS
-from lvnav_trade.results.requirements.improvements import ABOVE_ONLY, asked_of
+from lvnav_trade.results.requirements.improvements import ABOVE_ONLY, evaluate_requirement
 from lvnav_trade.results.requirements.margins import ORDER
 from lvnav_trade.results.statistics.case_results import Gaussian
 from lvnav_trade.results.tables.dictionary import unit_suffix
 from lvnav_trade.scenario.scenario import Scenario
-from lvnav_trade.simulation.preparation.prepare import Prepared, prepare
+from lvnav_trade.simulation.preparation.prepare import PreparedCase, prepare
 
 TEXTS = ("case", "label", "axes", "reason", "limiting_requirement", "verdict", "verdicts")
 _LITRE = 1e-3
@@ -44,71 +44,71 @@ class EvaluationRequest(NamedTuple):
     """Data to evaluate for every design.
 
     requirements : The requirements, as in the campaign.
-    history : Step (s) of the history; coarse if only events matter.
-    shared : Indices of the axes that change true sigmas alone, so that designs differing in them share covariance
+    history_step : Step (s) of the history; coarse if only events matter.
+    sigma_axes : Indices of the axes that change true sigmas alone, so that designs differing in them share covariance
         passes.
-    every_event : Whether a row has the errors at every event of the flight.
+    has_event_errors : Whether a row has the errors at every event of the flight.
     """
 
     requirements: tuple[dict[str, Any], ...]
-    history: float
-    shared: tuple[int, ...] = ()
-    every_event: bool = False
+    history_step: float
+    sigma_axes: tuple[int, ...] = ()
+    has_event_errors: bool = False
 
 
 class EvaluatedDesigns(NamedTuple):
     """Evaluated designs.
 
-    number : (n,). Number of each design.
+    design_number : (n,). Number of each design.
     texts : Columns of text, by the names of `TEXTS`.
-    numbers : Columns of numbers, (n,) each, SI.
+    number_columns : Columns of numbers, (n,) each, SI.
     passes : Number of covariance passes that were computed.
     covariance_s : CPU time (s) of these passes.
     seconds : Total CPU time (s).
     """
 
-    number: Ints
+    design_number: Ints
     texts: Mapping[str, tuple[str, ...]]
-    numbers: Mapping[str, Floats]
+    number_columns: Mapping[str, Floats]
     passes: int
     covariance_s: float
     seconds: float
 
 
-def evaluate(request: EvaluationRequest, part: DesignBatch) -> EvaluatedDesigns:
-    """Evaluate the designs of a part.
+def evaluate(request: EvaluationRequest, batch: DesignBatch) -> EvaluatedDesigns:
+    """Evaluate the designs of a batch.
 
-    Designs that differ only in the axes `shared` are evaluated from common covariance passes if there are enough of
+    Designs that differ only in the axes `sigma_axes` are evaluated from common covariance passes if there are enough of
     them. The row of an impossible design has a reason and no numbers.
 
     Parameters
     ----------
     request : EvaluationRequest
         Data to evaluate.
-    part : DesignBatch
-        Designs of the part.
+    batch : DesignBatch
+        The designs.
     """
-    begun = time.process_time()
+    start_time = time.process_time()
     passes = CovariancePasses()
     groups: dict[tuple[str, ...], list[Design]] = defaultdict(list)
     rows: dict[int, dict[str, Any]] = {}
-    for design in make_designs(part):
+    for design in make_designs(batch):
         if design.case is None:
-            rows[design.number] = _row(design, part.axes) | {"reason": design.reason}
+            rows[design.number] = _row(design, batch.axes) | {"reason": design.reason}
         else:
-            common_levels = _other_levels(design, request.shared)
+            common_levels = _other_levels(design, request.sigma_axes)
             groups[common_levels].append(design)
     for designs in groups.values():
-        for design, metrics in _group_metrics(request, part, designs, passes):
-            rows[design.number] = _row(design, part.axes) | metrics
-    in_order = [rows[number] for number in part.numbers]
-    seconds = time.process_time() - begun
-    return _columns(in_order, part.numbers, passes, seconds)
+        for design, metrics in _group_metrics(request, batch, designs, passes):
+            rows[design.number] = _row(design, batch.axes) | metrics
+    in_order = [rows[number] for number in batch.numbers]
+    seconds = time.process_time() - start_time
+    return _columns(in_order, batch.numbers, passes, seconds)
 
 
-def _other_levels(design: Design, shared: Sequence[int]) -> tuple[str, ...]:
+def _other_levels(design: Design, sigma_axes: Sequence[int]) -> tuple[str, ...]:
     """Return the levels that are common to the designs of a group."""
-    return tuple(level for k, level in enumerate(design.levels.values()) if k not in shared)
+    return tuple(level for k, level in enumerate(design.levels.values()) if k not in sigma_axes)
 
 
 def _columns(
@@ -139,9 +139,9 @@ def _columns(
             if not isinstance(value, str):
                 number_names[name] = None
     return EvaluatedDesigns(
-        number=np.array(numbers, dtype=np.int64),
+        design_number=np.array(numbers, dtype=np.int64),
         texts=texts,
-        numbers={name: np.array([row.get(name, np.nan) for row in rows], dtype=float) for name in number_names},
+        number_columns={name: np.array([row.get(name, np.nan) for row in rows], dtype=float) for name in number_names},
         passes=passes.count,
         covariance_s=passes.seconds,
         seconds=seconds,
@@ -193,7 +193,7 @@ def _total_columns(scenario: Scenario) -> dict[str, float]:
         "receiver": scenario.receiver.model_dump(mode="json"),
         "sensors": {name: card.model_dump(mode="json") for name, card in scenario.sensors.items() if card is not None},
     }
-    totals = total_of(settings)
+    totals = device_totals(settings)
     if not totals:
         return {}
     columns = {name: totals[name] for name in ("cost", "mass_kg", "power_w") if not np.isnan(totals[name])}
@@ -202,46 +202,46 @@ def _total_columns(scenario: Scenario) -> dict[str, float]:
     return columns
 
 
-def metrics_of(request: EvaluationRequest, prepared: Prepared, history: CovHistory) -> dict[str, Any]:
+def metrics_of(request: EvaluationRequest, prepared_case: PreparedCase, history: CovHistory) -> dict[str, Any]:
     """Return the numbers and texts of a row from the linear covariance of a case.
 
     Parameters
     ----------
     request : EvaluationRequest
         Data to evaluate.
-    prepared : Prepared
+    prepared_case : PreparedCase
         The prepared case.
     history : CovHistory
         Its linear covariance.
     """
-    results = CaseArrays(prepared, history)
-    row = _navigation(prepared, results)
-    outside = why_outside(
-        prepared.options.rules is not None, results.largest_tilt(), history.t_epoch, history.false_rejection
+    results = CaseArrays(prepared_case, history)
+    row = _navigation(prepared_case, results)
+    validity_remark = why_outside(
+        prepared_case.options.rules is not None, results.largest_tilt(), history.t_epoch, history.false_rejection
     )
     ratios: dict[str, float] = {}
     verdicts: dict[str, str] = {}
-    reasons = [outside]
+    reasons = [validity_remark]
     for requirement in request.requirements:
         name = requirement["name"]
         error_column, probability_column, _ = requirement_columns(requirement)
-        law = asked_of(results, requirement)
+        law = evaluate_requirement(results, requirement)
         if isinstance(law, str):
             verdicts[name] = NOT_APPLICABLE
             ratios[name] = np.nan
             reasons.append(f"{name}: {law}")
             continue
         error = law.quantile(law.probability)
-        probability = law.kept()
+        probability = law.success_probability()
         row |= {error_column: error, probability_column: probability}
         ratios[name] = error / law.bound
         verdict = "met" if probability >= law.probability else "violated"
         # the probability at the worst time of a phase is an upper limit, which cannot show that the requirement is met
-        is_bound = verdict == "met" and law.distribution.above_only
-        verdicts[name] = NOT_APPLICABLE if outside or is_bound else verdict
-        if is_bound and not outside:
+        is_bound = verdict == "met" and law.distribution.is_upper_limit
+        verdicts[name] = NOT_APPLICABLE if validity_remark or is_bound else verdict
+        if is_bound and not validity_remark:
             reasons.append(f"{name}: {ABOVE_ONLY}")
-    if request.every_event:
+    if request.has_event_errors:
         row |= _event_errors(results, request.requirements)
     return row | _combined_verdict(ratios, verdicts) | {"reason": "; ".join(filter(None, reasons))}
 
@@ -257,7 +257,7 @@ def _event_errors(results: CaseArrays, requirements: Sequence[Mapping[str, Any]]
                 column = at_event(f"{quantity}_{unit_suffix(unit)}", event)
                 row[column] = _rms(law)
         for requirement in at_any_event:
-            error = asked_of(results, {**requirement, "at": event})
+            error = evaluate_requirement(results, {**requirement, "at": event})
             if not isinstance(error, str):
                 error_column, _, _ = requirement_columns(requirement)
                 column = at_event(error_column, event)
@@ -288,7 +288,7 @@ def _combined_verdict(ratios: Mapping[str, float], verdicts: Mapping[str, str]) 
     }
 
 
-def _navigation(prepared: Prepared, results: CaseArrays) -> dict[str, Any]:
+def _navigation(prepared_case: PreparedCase, results: CaseArrays) -> dict[str, Any]:
     """Return the errors at injection (or the last event)."""
     events = results.events()
     history = results.covariance
@@ -304,9 +304,9 @@ def _navigation(prepared: Prepared, results: CaseArrays) -> dict[str, Any]:
         formal_square = np.trace(formal)
         row[f"{quantity}_formal_{suffix}"] = float(np.sqrt(formal_square))
     if event:
-        epoch = int(np.argmin(np.abs(history.t - events[event])))
-        nees = float(history.expected_nees[epoch])
-        row["nees_per_state_ratio"] = nees / prepared.layout.n_estimated
+        hist = int(np.argmin(np.abs(history.t - events[event])))
+        nees = float(history.expected_nees[hist])
+        row["nees_per_state_ratio"] = nees / prepared_case.layout.n_estimated
     return row
 
 
@@ -314,7 +314,7 @@ def _navigation(prepared: Prepared, results: CaseArrays) -> dict[str, Any]:
 
 
 def _group_metrics(
-    request: EvaluationRequest, part: DesignBatch, designs: Sequence[Design], passes: CovariancePasses
+    request: EvaluationRequest, batch: DesignBatch, designs: Sequence[Design], passes: CovariancePasses
 ) -> Iterator[tuple[Design, dict[str, Any]]]:
     """Yield designs of a group with the metrics of each, or the reason why it has none.
 
@@ -322,28 +322,28 @@ def _group_metrics(
     ----------
     request : EvaluationRequest
         Data to evaluate.
-    part : DesignBatch
-        Part of the design space with the group.
+    batch : DesignBatch
+        Batch that contains the group.
     designs : sequence of Design
-        Designs that differ only in the axes `shared` of the request.
+        Designs that differ only in the axes `sigma_axes` of the request.
     passes : CovariancePasses
         Computes and counts the covariance passes.
     """
-    group = group_passes(part, designs, request.shared, request.history, passes)
+    group = group_passes(batch, designs, request.sigma_axes, request.history_step, passes)
     for design in designs:
         if group is None:
             yield design, _single_metrics(request, design, passes)
         else:
             history = covariance_of(group.passes, group.sigmas(design))
-            yield design, metrics_of(request, group.prepared, history)
+            yield design, metrics_of(request, group.prepared_case, history)
 
 
 def _single_metrics(request: EvaluationRequest, design: Design, passes: CovariancePasses) -> dict[str, Any]:
     """Return the metrics of a design from its own covariance pass, or the reason why it has none."""
     assert design.case is not None
     try:
-        prepared = prepare(design.case.scenario, request.history)
-        return metrics_of(request, prepared, passes(prepared))
+        prepared_case = prepare(design.case.scenario, request.history_step)
+        return metrics_of(request, prepared_case, passes(prepared_case))
     except Exception as error:
         raise_if_interrupted(error)
         if isinstance(error, OSError):

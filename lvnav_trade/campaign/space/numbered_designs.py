@@ -8,12 +8,19 @@ from typing import Any, NamedTuple
 
 from pydantic import BaseModel, ValidationError
 
-from lvnav_trade.campaign.definition.axes import BASE_LABEL, Case, Chosen, axis_names, chosen_levels, put
+from lvnav_trade.campaign.definition.axes import (
+    BASE_LABEL,
+    Case,
+    LevelIndices,
+    axis_names,
+    case_level_indices,
+    with_value,
+)
 from lvnav_trade.campaign.definition.case_digest import case_id
 from lvnav_trade.campaign.definition.schema import Campaign
 from lvnav_trade.quantities.errors import InputError
-from lvnav_trade.results.statistics.display_units import split
-from lvnav_trade.scenario.rules import breaches_of_case
+from lvnav_trade.results.statistics.display_units import split_quantity
+from lvnav_trade.scenario.rules import case_breaches
 from lvnav_trade.scenario.scenario import Scenario
 
 _LABEL = "design "
@@ -39,7 +46,7 @@ class DesignBatch(NamedTuple):
     base : Scenario that the axes vary.
     axes : The axes.
     numbers : Number of each design, from 0.
-    values : Value of every axis in each design; `Unvaried` is the value of the base.
+    values : Value of every axis in each design; `BaseValue` is the value of the base.
     labels : Label of every axis in each design.
     seed : Seed of the campaign.
     history : Step (s) of stored histories, which enters the digest of a case.
@@ -54,7 +61,7 @@ class DesignBatch(NamedTuple):
     history: float
 
 
-class Unvaried:
+class BaseValue:
     """Value of an axis that does not change the base."""
 
 
@@ -83,7 +90,7 @@ class DesignSpace:
 
     def __init__(self, campaign: Campaign) -> None:
         self.campaign = campaign
-        self.levels: list[Chosen] = chosen_levels(campaign)
+        self.levels: list[LevelIndices] = case_level_indices(campaign)
         self.axes = DesignAxes(axis_names(campaign.axes), tuple(tuple(axis.steps) for axis in campaign.axes))
 
     def __len__(self) -> int:
@@ -93,7 +100,7 @@ class DesignSpace:
         """Return the value of every axis in a design."""
         values: list[Any] = []
         for axis, index in zip(self.campaign.axes, self.levels[number], strict=True):
-            value = Unvaried if index is None else (axis.values or ())[index]
+            value = BaseValue if index is None else (axis.values or ())[index]
             values.append(value)
         return tuple(values)
 
@@ -105,7 +112,7 @@ class DesignSpace:
             labels.append(label)
         return tuple(labels)
 
-    def part(self, numbers: Sequence[int]) -> DesignBatch:
+    def batch(self, numbers: Sequence[int]) -> DesignBatch:
         """Return the designs with these numbers as work for one worker."""
         return DesignBatch(
             base=self.campaign.base,
@@ -119,7 +126,7 @@ class DesignSpace:
 
     def case(self, number: int) -> Case:
         """Return the case of a design; InputError if it is impossible."""
-        (design,) = make_designs(self.part([number]))
+        (design,) = make_designs(self.batch([number]))
         if design.case is None:
             raise InputError(f"design {number}: {design.reason}")
         return design.case
@@ -128,42 +135,42 @@ class DesignSpace:
         """Yield the cases of all possible designs in order."""
         for first in range(0, len(self), _BATCH):
             numbers = range(first, min(first + _BATCH, len(self)))
-            for design in make_designs(self.part(numbers)):
+            for design in make_designs(self.batch(numbers)):
                 if design.case is not None:
                     yield design.case
 
 
-def make_designs(part: DesignBatch) -> Iterator[Design]:
-    """Yield the designs of a part; designs share the sections of the scenario that they have in common."""
-    base = part.base.model_dump(mode="json")
+def make_designs(batch: DesignBatch) -> Iterator[Design]:
+    """Yield the designs of a batch; designs share the sections of the scenario that they have in common."""
+    base = batch.base.model_dump(mode="json")
     base_sections = {}
     for name, plain_section in base.items():
-        section = getattr(part.base, name)
+        section = getattr(batch.base, name)
         base_sections[name] = section if isinstance(section, BaseModel) else plain_section
     # indices of the axes that vary each section
-    axes_of: dict[str, list[int]] = {}
-    for axis, steps in enumerate(part.axes.steps):
-        axes_of.setdefault(steps[0], []).append(axis)
+    axes_by_section: dict[str, list[int]] = {}
+    for axis, steps in enumerate(batch.axes.steps):
+        axes_by_section.setdefault(steps[0], []).append(axis)
     valid_sections: dict[tuple[str, tuple[str, ...]], Any] = {}
     digests: dict[int, tuple[BaseModel, Any]] = {}
-    case_id(part.base, part.seed, part.history, digests)
+    case_id(batch.base, batch.seed, batch.history, digests)
     base_digests = dict(digests)
-    for number, values, labels in zip(part.numbers, part.values, part.labels, strict=True):
-        levels = dict(zip(part.axes.names, labels, strict=True))
+    for number, values, labels in zip(batch.numbers, batch.values, batch.labels, strict=True):
+        levels = dict(zip(batch.axes.names, labels, strict=True))
         data = dict(base_sections)
         keys = {}
-        for name, axes in axes_of.items():
+        for name, axes in axes_by_section.items():
             level_texts = [labels[k] if isinstance(values[k], dict) else repr(values[k]) for k in axes]
             key = (name, tuple(level_texts))
             keys[name] = key
-            data[name] = valid_sections.get(key) or _section(base, name, axes, part.axes, values)
+            data[name] = valid_sections.get(key) or _section(base, name, axes, batch.axes, values)
         try:
             scenario = Scenario.model_validate(data)
         except (ValidationError, InputError) as error:
             reason = reason_of(error)
             yield Design(number, values, None, levels, reason)
             continue
-        breach = next(iter(breaches_of_case(scenario)), None)
+        breach = next(iter(case_breaches(scenario)), None)
         if breach is not None:
             path, message = breach
             reason = _without_numbers(f"{path}: {message}")
@@ -171,7 +178,7 @@ def make_designs(part: DesignBatch) -> Iterator[Design]:
             continue
         for name, key in keys.items():
             valid_sections.setdefault(key, getattr(scenario, name))
-        digest = case_id(scenario, part.seed, part.history, digests)
+        digest = case_id(scenario, batch.seed, batch.history, digests)
         if len(digests) >= _CACHED:  # limits the memory of the cache
             digests = dict(base_digests)
         case = Case(digest, label_of(number), levels, scenario)
@@ -190,7 +197,9 @@ def number_in(label: str) -> int | None:
     return int(number) if is_label else None
 
 
-def _section(base: dict[str, Any], name: str, varied: list[int], axes: DesignAxes, values: tuple[Any, ...]) -> Any:
+def _section(
+    base: dict[str, Any], name: str, axis_indices: list[int], axes: DesignAxes, values: tuple[Any, ...]
+) -> Any:
     """Return a section of a design as plain data.
 
     Parameters
@@ -199,27 +208,27 @@ def _section(base: dict[str, Any], name: str, varied: list[int], axes: DesignAxe
         Base scenario as plain data.
     name : str
         Name of the section.
-    varied : list of int
+    axis_indices : list of int
         Indices of the axes that vary it.
     axes : DesignAxes
         The axes.
     values : tuple
-        Value of every axis; `Unvaried` is the value of the base.
+        Value of every axis; `BaseValue` is the value of the base.
     """
     section: Any = {name: base.get(name)}
-    for k in varied:
-        if values[k] is not Unvaried:
-            section = put(section, axes.steps[k], values[k])
+    for k in axis_indices:
+        if values[k] is not BaseValue:
+            section = with_value(section, axes.steps[k], values[k])
     return section[name]
 
 
 def number_of(value: Any) -> tuple[float, str] | None:
     """Return number and SI unit of the value of an axis; None if it is neither a number nor a quantity."""
-    if value is Unvaried or isinstance(value, bool):
+    if value is BaseValue or isinstance(value, bool):
         return None
     if isinstance(value, int | float):
         return float(value), ""
-    return split(value)
+    return split_quantity(value)
 
 
 def reason_of(error: Exception) -> str:

@@ -20,7 +20,7 @@ from lvnav_trade.covariance.shared_pass import (
 )
 from lvnav_trade.quantities.errors import InputError
 from lvnav_trade.quantities.records import CovHistory
-from lvnav_trade.simulation.preparation.prepare import Prepared, prepare
+from lvnav_trade.simulation.preparation.prepare import PreparedCase, prepare
 
 HISTORY = 60.0  # s between history times if only events matter, which are history times too
 _INSPECTED = 1000  # designs whose values show which axes vary sigmas
@@ -38,24 +38,24 @@ class CovariancePasses:
         self.count = 0
         self.seconds = 0.0
 
-    def __call__(self, prepared: Prepared) -> CovHistory:
+    def __call__(self, prepared_case: PreparedCase) -> CovHistory:
         """Return the linear covariance of a case."""
-        begun = time.process_time()
-        history = covariance(prepared)
+        start_time = time.process_time()
+        history = covariance(prepared_case)
         self.count += 1
-        self.seconds += time.process_time() - begun
+        self.seconds += time.process_time() - start_time
         return history
 
 
 class GroupPasses(NamedTuple):
     """Covariance passes shared by the designs of a group.
 
-    prepared : A prepared case of the group.
+    prepared_case : A prepared case of the group.
     axes : Indices of the axes that vary true sigmas.
     passes : The passes.
     """
 
-    prepared: Prepared
+    prepared_case: PreparedCase
     axes: tuple[int, ...]
     passes: SharedPass
 
@@ -70,7 +70,7 @@ def _sigma(design: Design, axis: int) -> float:
 
 
 def group_passes(
-    part: DesignBatch, designs: Sequence[Design], shared: Sequence[int], history: float, passes: CovariancePasses
+    batch: DesignBatch, designs: Sequence[Design], sigma_axes: Sequence[int], history: float, passes: CovariancePasses
 ) -> GroupPasses | None:
     """Return the covariance passes shared by the designs of a group, or None.
 
@@ -79,66 +79,66 @@ def group_passes(
 
     Parameters
     ----------
-    part : DesignBatch
+    batch : DesignBatch
         Part of the designs.
     designs : sequence of Design
-        Designs that differ only in the axes `shared`.
-    shared : sequence of int
+        Designs that differ only in the axes `sigma_axes`.
+    sigma_axes : sequence of int
         Indices of axes that may vary true sigmas only.
     history : float
         Step (s) of the history.
     passes : CovariancePasses
         Computes and counts the passes.
     """
-    rows = [[_sigma(design, axis) for axis in shared] for design in designs]
-    sigmas = np.array(rows).reshape(len(designs), len(shared))
-    varied = []
-    for k, axis in enumerate(shared):
+    rows = [[_sigma(design, axis) for axis in sigma_axes] for design in designs]
+    sigmas = np.array(rows).reshape(len(designs), len(sigma_axes))
+    varied_columns = []
+    for k, axis in enumerate(sigma_axes):
         column = sigmas[:, k]
         if np.isfinite(column).all() and np.ptp(column) > 0.0:
-            varied.append(k)
+            varied_columns.append(k)
         elif len({design.values[axis] for design in designs}) > 1:
             return None  # the axis varies a value that is not a sigma
-    if not varied or len(designs) <= len(varied) + _FURTHER:
+    if not varied_columns or len(designs) <= len(varied_columns) + _FURTHER:
         return None
-    axes = tuple(shared[k] for k in varied)
-    least = sigmas[:, varied].min(axis=0)
-    largest = sigmas[:, varied].max(axis=0)
-    middle = (0.5 * (least + largest)).tolist()
+    axes = tuple(sigma_axes[k] for k in varied_columns)
+    smallest = sigmas[:, varied_columns].min(axis=0)
+    largest = sigmas[:, varied_columns].max(axis=0)
+    middle = (0.5 * (smallest + largest)).tolist()
     design = designs[0]
     try:
-        prepared, base = _single_pass(part, design, axes, least.tolist(), history, passes)
-        raised = []  # one sigma at its largest, the others at their smallest value
+        prepared_case, base_history = _single_pass(batch, design, axes, smallest.tolist(), history, passes)
+        raised_histories = []  # one sigma at its largest, the others at their smallest value
         for k in range(len(axes)):
             is_raised = np.arange(len(axes)) == k
-            one_raised = np.where(is_raised, largest, least)
-            _, covariance_raised = _single_pass(part, design, axes, one_raised.tolist(), history, passes)
-            raised.append(covariance_raised)
-        gate_squared = prepared.model.gate_squared
-        shared_passes = shared_pass(gate_squared, least.tolist(), largest.tolist(), base, raised)
-        _, separate = _single_pass(part, design, axes, middle, history, passes)
+            raised_sigmas = np.where(is_raised, largest, smallest)
+            _, raised_history = _single_pass(batch, design, axes, raised_sigmas.tolist(), history, passes)
+            raised_histories.append(raised_history)
+        gate_squared = prepared_case.model.gate_squared
+        shared_passes = shared_pass(gate_squared, smallest.tolist(), largest.tolist(), base_history, raised_histories)
+        _, separate_history = _single_pass(batch, design, axes, middle, history, passes)
     except (InputError, ValueError, ArithmeticError):
         return None
-    if not is_same_filter(base, separate):
+    if not is_same_filter(base_history, separate_history):
         return None
-    interpolated = covariance_of(shared_passes, middle)
-    difference = largest_difference(interpolated, separate)
-    return GroupPasses(prepared, axes, shared_passes) if difference < TOLERANCE else None
+    interpolated_history = covariance_of(shared_passes, middle)
+    difference = largest_difference(interpolated_history, separate_history)
+    return GroupPasses(prepared_case, axes, shared_passes) if difference < TOLERANCE else None
 
 
 def _single_pass(
-    part: DesignBatch,
+    batch: DesignBatch,
     design: Design,
     axes: Sequence[int],
     sigmas: Sequence[float],
     history: float,
     passes: CovariancePasses,
-) -> tuple[Prepared, CovHistory]:
+) -> tuple[PreparedCase, CovHistory]:
     """Return a prepared design with other sigmas, and its linear covariance.
 
     Parameters
     ----------
-    part : DesignBatch
+    batch : DesignBatch
         Part of the design space with the design.
     design : Design
         The design.
@@ -162,12 +162,12 @@ def _single_pass(
         unit = "" if number is None else number[1]
         values[axis] = f"{float(sigma)!r} {unit}" if unit else float(sigma)
     labels = tuple(design.levels.values())
-    batch = part._replace(numbers=(design.number,), values=(tuple(values),), labels=(labels,))
-    (changed,) = make_designs(batch)
-    if changed.case is None:
-        raise ValueError(changed.reason)
-    prepared = prepare(changed.case.scenario, history)
-    return prepared, passes(prepared)
+    design_batch = batch._replace(numbers=(design.number,), values=(tuple(values),), labels=(labels,))
+    (changed_design,) = make_designs(design_batch)
+    if changed_design.case is None:
+        raise ValueError(changed_design.reason)
+    prepared_case = prepare(changed_design.case.scenario, history)
+    return prepared_case, passes(prepared_case)
 
 
 def shared_axes(designs: DesignSpace, history: float) -> tuple[int, ...]:
@@ -184,26 +184,26 @@ def shared_axes(designs: DesignSpace, history: float) -> tuple[int, ...]:
         Step of the history (s).
     """
     count = min(len(designs), _INSPECTED)
-    batch = designs.part(range(count))
-    first = next((design for design in make_designs(batch) if design.case is not None), None)
-    if first is None:
+    batch = designs.batch(range(count))
+    possible_design = next((design for design in make_designs(batch) if design.case is not None), None)
+    if possible_design is None:
         return ()
-    shared = []
+    sigma_axes = []
     passes = CovariancePasses()
     for axis in range(len(batch.axes.names)):
         quantities = [number_of(values[axis]) for values in batch.values]
         numbers = [quantity[0] for quantity in quantities if quantity is not None]
         if len(numbers) < count:
             continue
-        least = min(numbers)
+        smallest = min(numbers)
         largest = max(numbers)
-        if not least < largest:
+        if not smallest < largest:
             continue
         try:
-            _, covariance_least = _single_pass(batch, first, (axis,), (least,), history, passes)
-            _, covariance_largest = _single_pass(batch, first, (axis,), (largest,), history, passes)
+            _, smallest_history = _single_pass(batch, possible_design, (axis,), (smallest,), history, passes)
+            _, largest_history = _single_pass(batch, possible_design, (axis,), (largest,), history, passes)
         except (InputError, ValueError, ArithmeticError):
             continue
-        if is_same_filter(covariance_least, covariance_largest):
-            shared.append(axis)
-    return tuple(shared)
+        if is_same_filter(smallest_history, largest_history):
+            sigma_axes.append(axis)
+    return tuple(sigma_axes)

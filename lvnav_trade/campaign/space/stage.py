@@ -47,23 +47,23 @@ class SpaceEvaluation:
         self.campaign = campaign
         self.designs = DesignSpace(campaign)
 
-    def evaluate(self, job: work.Job, stage: Stage, parts: Sequence[int] | None = None) -> None:
+    def evaluate(self, job: work.Job, stage: Stage, item_numbers: Sequence[int] | None = None) -> None:
         """Evaluate all designs that are not stored yet, or those of some parts; each part is stored when finished."""
-        if parts is None and self._stored(job) is not None:
+        if item_numbers is None and self._earlier_table(job) is not None:
             return
         order = self._evaluation_order()
         items = []
-        for number in range(self.parts) if parts is None else parts:
-            batch = self.designs.part(order[number * PART : (number + 1) * PART])
-            items.append((job, self._request, number, batch))
+        for number in range(self.item_count) if item_numbers is None else item_numbers:
+            design_batch = self.designs.batch(order[number * PART : (number + 1) * PART])
+            items.append((job, self._request, number, design_batch))
         for _ in stage("designs", evaluate_part, items):
             pass  # each worker stores its part
 
     def finish(self, job: work.Job) -> SpaceResult:
         """Store the table of all designs; return the cases for a full analysis. InputError if all are impossible."""
-        stored_table = self._stored(job)
+        stored_table = self._earlier_table(job)
         table = self._merged_table(job) if stored_table is None else stored_table
-        impossible = design_tables.impossible(table)
+        impossible = design_tables.impossible_design_counts(table)
         if len(impossible) and sum(impossible.values()) == len(self.designs):
             most_frequent = list(impossible.items())[:_SHOWN]
             reasons = "; ".join(f"{reason} ({count})" for reason, count in most_frequent)
@@ -81,23 +81,23 @@ class SpaceEvaluation:
 
     def _merged_table(self, job: work.Job) -> pa.Table:
         """Return the table of all designs from the stored parts."""
-        parts = []
-        for number in range(self.parts):
+        evaluated_parts = []
+        for number in range(self.item_count):
             file, identity = _part_file(job, self._request, number)
-            parts.append(scratch.read(file, EvaluatedDesigns, identity))
-        n_passes = sum(evaluated.passes for evaluated in parts)
+            evaluated_parts.append(scratch.read(file, EvaluatedDesigns, identity))
+        n_passes = sum(designs.passes for designs in evaluated_parts)
         identity = _identity(job, self._request, "designs")
-        return design_tables.table_of(parts, identity, n_passes)
+        return design_tables.table_of(evaluated_parts, identity, n_passes)
 
     @property
-    def parts(self) -> int:
+    def item_count(self) -> int:
         """Number of work items."""
         return -(-len(self.designs) // PART)
 
-    def count(self, parts: Sequence[int]) -> int:
+    def count(self, item_numbers: Sequence[int]) -> int:
         """Return the number of designs of some work items."""
         total = 0
-        for number in parts:
+        for number in item_numbers:
             end = min(len(self.designs), (number + 1) * PART)
             total += end - number * PART
         return total
@@ -111,7 +111,7 @@ class SpaceEvaluation:
         numbers = dict.fromkeys(number for group in selection.values() for number in group)
         return tuple(self.designs.case(number) for number in numbers)
 
-    def _stored(self, job: work.Job) -> pa.Table | None:
+    def _earlier_table(self, job: work.Job) -> pa.Table | None:
         """Return the table of all designs of an earlier run, if it has the same origin."""
         return design_tables.earlier_table(
             job.results.folder / design_tables.FILE, _identity(job, self._request, "designs")
@@ -123,27 +123,27 @@ class SpaceEvaluation:
         requirements = self.campaign.requirements
         has_phase = any(requirement.during for requirement in requirements)
         history = self.campaign.keep.history if has_phase else HISTORY
-        shared = shared_axes(self.designs, history)
+        sigma_axes = shared_axes(self.designs, history)
         settings = tuple(requirement.model_dump(mode="json") for requirement in requirements)
-        return EvaluationRequest(settings, history, shared, self.campaign.store == "events")
+        return EvaluationRequest(settings, history, sigma_axes, self.campaign.store == "events")
 
     def _evaluation_order(self) -> list[int]:
         """Return the numbers of the designs in an order in which designs that share passes are adjacent."""
         numbers = list(range(len(self.designs)))
-        shared_axes = self._request.shared
+        sigma_axes = self._request.sigma_axes
 
         def other_levels(number: int) -> tuple[str, ...]:
             labels = self.designs.labels(number)
-            return tuple(label for axis, label in enumerate(labels) if axis not in shared_axes)
+            return tuple(label for axis, label in enumerate(labels) if axis not in sigma_axes)
 
-        return sorted(numbers, key=other_levels) if shared_axes else numbers
+        return sorted(numbers, key=other_levels) if sigma_axes else numbers
 
 
 def _identity(job: work.Job, request: EvaluationRequest, name: str) -> str:
     """Return the origin of a part or table of designs, as text."""
     requests = f"{job.request!r} {request!r}"
     digest = hashlib.sha256(requests.encode()).hexdigest()[:16]
-    return f"{job.results.identity_of_case(name)} {job.history!r} {digest}"
+    return f"{job.results.identity_of_case(name)} {job.history_step!r} {digest}"
 
 
 def _part_file(job: work.Job, request: EvaluationRequest, number: int) -> tuple[Path, str]:
@@ -153,7 +153,7 @@ def _part_file(job: work.Job, request: EvaluationRequest, number: int) -> tuple[
     return job.scratch / f"part-{number:05d}.{digest}.designs", identity
 
 
-def evaluate_part(job: work.Job, request: EvaluationRequest, number: int, part: DesignBatch) -> work.WorkOutcome:
+def evaluate_part(job: work.Job, request: EvaluationRequest, number: int, batch: DesignBatch) -> work.WorkOutcome:
     """Evaluate a part and write it to disk; an existing part is not evaluated again.
 
     Parameters
@@ -164,7 +164,7 @@ def evaluate_part(job: work.Job, request: EvaluationRequest, number: int, part: 
         Data to evaluate.
     number : int
         Number of the part, from 0.
-    part : DesignBatch
+    batch : DesignBatch
         Designs of the part.
 
     Returns
@@ -173,10 +173,10 @@ def evaluate_part(job: work.Job, request: EvaluationRequest, number: int, part: 
         Number of designs, and the error message if the part failed.
     """
     file, identity = _part_file(job, request, number)
-    outcome = work.WorkOutcome(file.name, 0, len(part.numbers))
+    outcome = work.WorkOutcome(file.name, 0, len(batch.numbers))
     try:
         if not scratch.is_sound(file, EvaluatedDesigns, identity):
-            scratch.write(file, evaluate(request, part), identity)
+            scratch.write(file, evaluate(request, batch), identity)
         return outcome
     except Exception as error:
         return outcome._replace(error=work.message_of(error))

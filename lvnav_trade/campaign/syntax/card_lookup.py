@@ -16,13 +16,13 @@ from lvnav_trade.quantities.errors import InputError, quoted, writing
 _PACKAGE = Path(__file__).resolve().parents[2]
 
 
-def shipped(folder: str) -> Path:
+def tool_folder(folder: str) -> Path:
     """Return a folder of the tool (`configs` or `campaigns`): in the installed package, or else in the repository."""
-    inside = _PACKAGE / "_data" / folder
-    return inside if inside.is_dir() else _PACKAGE.parent / folder
+    package_folder = _PACKAGE / "_data" / folder
+    return package_folder if package_folder.is_dir() else _PACKAGE.parent / folder
 
 
-_LISTED = 12  # largest number of cards that a message lists
+_LIST_LENGTH = 12  # largest number of cards that a message lists
 
 
 class Shelf(NamedTuple):
@@ -31,9 +31,9 @@ class Shelf(NamedTuple):
     folders: tuple[Path, ...]  # in this order, after the folder of the file that names the card
 
     @classmethod
-    def of(cls, campaign_folder: Path) -> Shelf:
+    def from_folder(cls, campaign_folder: Path) -> Shelf:
         """Return the shelf of a campaign: its own folder `configs`, then that of the tool."""
-        return cls((campaign_folder / "configs", shipped("configs")))
+        return cls((campaign_folder / "configs", tool_folder("configs")))
 
     def find(self, name: str, folder: Path) -> Path | None:
         """Return the file of the card `name` as written in a file of `folder`, or None."""
@@ -44,7 +44,7 @@ class Shelf(NamedTuple):
                     return candidate.resolve()
         return None
 
-    def known(self) -> list[str]:
+    def card_names(self) -> list[str]:
         """Return the names of all cards in the folders of the shelf."""
         return sorted({name for folder in self.folders for name, _ in _cards(folder)})
 
@@ -69,18 +69,18 @@ class Shelf(NamedTuple):
         file = self.find(name, node.place.folder) if name.strip() else None
         if file is None:
             neighbours = _neighbours(name, node.place.folder)
-            candidates = [*self.known(), *neighbours, *map(str, words)]
+            candidates = [*self.card_names(), *neighbours, *map(str, words)]
             suggestion = _suggestion(name, candidates)
             raise tree.refuse(node.place, path, f"no card {quoted(name)}{suggestion}")
         state = file.stat()
-        card = _parsed(file, os.getcwd(), state.st_size, state.st_mtime_ns)
+        card = _card_tree(file, os.getcwd(), state.st_size, state.st_mtime_ns)
         if isinstance(card, InputError):
             raise InputError(records=card.records)
         return card
 
 
 @lru_cache(maxsize=128)
-def _parsed(file: Path, working_folder: str, size: int, changed: int) -> tree.Node | InputError:
+def _card_tree(file: Path, working_folder: str, size: int, modification_time: int) -> tree.Node | InputError:
     """Return the tree of a card's file, or its input error.
 
     The other arguments only identify the entry of the cache: messages have paths relative to the working folder.
@@ -91,18 +91,18 @@ def _parsed(file: Path, working_folder: str, size: int, changed: int) -> tree.No
         return error
 
 
-def _suggestion(name: str, known: Sequence[str]) -> str:
+def _suggestion(name: str, card_names: Sequence[str]) -> str:
     """Return the suggestion of a similar card, or else the cards of the folder in the name."""
     folder, _, last = name.rpartition("/")
-    cards_of_folder = [card for card in known if card.rpartition("/")[0] == folder]
-    if not folder or not cards_of_folder:
-        return tree.hint(name, known)
-    names = [card.rpartition("/")[2] for card in cards_of_folder]
+    folder_cards = [card for card in card_names if card.rpartition("/")[0] == folder]
+    if not folder or not folder_cards:
+        return tree.hint(name, card_names)
+    names = [card.rpartition("/")[2] for card in folder_cards]
     if tree.hint(last, names):
-        return tree.hint(name, cards_of_folder)
-    listed = ", ".join(names[:_LISTED])
-    more = ", ..." if len(names) > _LISTED else ""
-    return f" ({folder}/ has {listed}{more})"
+        return tree.hint(name, folder_cards)
+    card_list = ", ".join(names[:_LIST_LENGTH])
+    ellipsis = ", ..." if len(names) > _LIST_LENGTH else ""
+    return f" ({folder}/ has {card_list}{ellipsis})"
 
 
 def _neighbours(name: str, folder: Path) -> list[str]:
@@ -137,11 +137,11 @@ class CardInfo(NamedTuple):
 
 def catalogue(folder: Path) -> list[CardInfo]:
     """Return the cards that a campaign in `folder` can name; a card of the user hides one of the tool."""
-    by_name: dict[str, CardInfo] = {}
-    for start in Shelf.of(folder).folders:
+    cards_by_name: dict[str, CardInfo] = {}
+    for start in Shelf.from_folder(folder).folders:
         for name, file in _cards(start):
-            by_name.setdefault(name, _card_info(name, file))
-    return sorted(by_name.values())
+            cards_by_name.setdefault(name, _card_info(name, file))
+    return sorted(cards_by_name.values())
 
 
 def _card_info(name: str, file: Path) -> CardInfo:
@@ -158,10 +158,10 @@ def _card_info(name: str, file: Path) -> CardInfo:
 
 def card_text(name: str, folder: Path) -> str:
     """Return the text of a card's file with its comments; InputError if there is no such card."""
-    shelf = Shelf.of(folder)
+    shelf = Shelf.from_folder(folder)
     file = shelf.find(name, folder)
     if file is None:
-        raise InputError(f"no card {quoted(name)}{_suggestion(name, shelf.known())}")
+        raise InputError(f"no card {quoted(name)}{_suggestion(name, shelf.card_names())}")
     tree.read_mapping(file)
     return file.read_text(encoding="utf-8-sig")
 
@@ -187,16 +187,16 @@ def campaign_file(name: str) -> Path:
     path = Path(name)
     if os.path.exists(path) or path.is_absolute() or not path.name:
         return path
-    below_campaigns = path
+    relative_path = path
     if path.parts[0] == "campaigns" and len(path.parts) > 1:
-        below_campaigns = Path(*path.parts[1:])
-    for candidate in (below_campaigns, below_campaigns.with_name(f"{below_campaigns.name}.yaml")):
-        file = shipped("campaigns") / candidate
+        relative_path = Path(*path.parts[1:])
+    for candidate in (relative_path, relative_path.with_name(f"{relative_path.name}.yaml")):
+        file = tool_folder("campaigns") / candidate
         if os.path.isfile(file):
             return file
     return path
 
 
-def nowhere(label: str) -> tree.Place:
+def command_line_place(label: str) -> tree.Place:
     """Return the place of a value given on the command line; relative paths start from the working folder."""
     return tree.Place(label, 0, 0, Path.cwd())

@@ -49,21 +49,21 @@ MEANINGS: Mapping[str, tuple[str, ...]] = MappingProxyType(
 )
 
 
-def meant(word: str, known: Iterable[str]) -> str:
+def find_synonym(word: str, known_names: Iterable[str]) -> str:
     """Return the known name with the same meaning as a word; empty if there is none.
 
     A name equal to a term of the same meaning has priority, then a name in a folder of the term, then a name that
     begins with the term or contains it.
     """
-    names = list(known)
+    names = list(known_names)
     for term in MEANINGS.get(word.rpartition("/")[2].lower().replace("-", "_").replace(" ", "_"), ()):
-        near = [(rank, name) for name in names if (rank := _rank(name.lower(), term))]
-        if near:
-            return min(near, key=lambda ranked: ranked[0])[1]
+        ranked_names = [(rank, name) for name in names if (rank := _rank(name.lower(), term))]
+        if ranked_names:
+            return min(ranked_names, key=lambda ranked: ranked[0])[1]
     return ""
 
 
 def _rank(name: str, term: str) -> int:
     folder, _, last = name.rpartition("/")
-    fits = (last == term, folder in (term, f"{term}s"), last.startswith(term), term in name)
-    return next((number for number, fit in enumerate(fits, 1) if fit), 0)
+    matches = (last == term, folder in (term, f"{term}s"), last.startswith(term), term in name)
+    return next((number for number, is_match in enumerate(matches, 1) if is_match), 0)

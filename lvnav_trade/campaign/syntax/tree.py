@@ -15,7 +15,7 @@ from ruamel.yaml.error import MarkedYAMLError, YAMLError
 from ruamel.yaml.nodes import MappingNode, ScalarNode, SequenceNode
 
 from lvnav_trade.campaign.syntax.composer import BoundedComposer, syntax_message
-from lvnav_trade.campaign.syntax.meaning import MEANINGS, meant
+from lvnav_trade.campaign.syntax.meaning import MEANINGS, find_synonym
 from lvnav_trade.quantities import input_limits
 from lvnav_trade.quantities.errors import HIDDEN, InputError, Mistake, quoted, refuse_all
 from lvnav_trade.quantities.input_files import is_plain, read_bytes
@@ -59,14 +59,16 @@ class SourceTree:
         self,
         root: Node | None = None,
         levels: Sequence[Sequence[tuple[Node, Place]]] = (),
-        filled: Collection[str] = (),
+        filled_paths: Collection[str] = (),
     ) -> None:
-        """levels: expanded levels of each axis, with their places; filled: paths not given in the base, which have the
-        first level of an axis.
+        """Store a tree with its levels and filled paths.
+
+        levels : expanded levels of each axis, with their places.
+        filled_paths : paths that are not given in the base, where the first level of an axis was put in.
         """
         self.root = root
         self.levels = levels
-        self.filled = frozenset(filled)
+        self.filled_paths = frozenset(filled_paths)
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, SourceTree)
@@ -83,27 +85,27 @@ class SourceTree:
             return Mistake(message, path)
         tree_path = [str(step) for step in (path.split(".") if steps is None else steps)]
         node = find(self.root, tree_path)
-        above = find(self.root, tree_path[:-1])
+        parent = find(self.root, tree_path[:-1])
         is_group = node is not None and node.is_map
-        if is_group and above is not None and tree_path[-1] in above.keys:
-            key_place = above.keys[tree_path[-1]]
+        if is_group and parent is not None and tree_path[-1] in parent.keys:
+            key_place = parent.keys[tree_path[-1]]
             return mistake(key_place, path, message)
-        place = nearest(self.root, tree_path)
+        place = nearest_place(self.root, tree_path)
         return mistake(place, path, message)
 
 
-def nearest(node: Node, steps: Iterable[str | int]) -> Place:
+def nearest_place(node: Node, steps: Iterable[str | int]) -> Place:
     """Return the place of the node at a path, or of the nearest existing node above it; a key may contain dots."""
-    remaining = [str(step) for step in steps]
-    while remaining:
-        dotted_key = find(node, [".".join(remaining)])
+    remaining_steps = [str(step) for step in steps]
+    while remaining_steps:
+        dotted_key = find(node, [".".join(remaining_steps)])
         if dotted_key is not None:
             return dotted_key.place
-        below = find(node, remaining[:1])
-        if below is None:
+        child = find(node, remaining_steps[:1])
+        if child is None:
             break
-        node = below
-        remaining = remaining[1:]
+        node = child
+        remaining_steps = remaining_steps[1:]
     return node.place
 
 
@@ -112,9 +114,12 @@ def mistake(place: Place, path: str, message: str) -> Mistake:
     return Mistake(message, path, place.file, place.line, place.column)
 
 
-def mistake_at(root: Node, path: str, message: str, above: str = "") -> Mistake:
-    """Return an input error at a dotted path of a tree, or at the nearest place above it; `above`: path of the tree."""
-    return mistake(nearest(root, path.split(".")), join(above, path), message)
+def mistake_at(root: Node, path: str, message: str, parent_path: str = "") -> Mistake:
+    """Return an input error at a dotted path of a tree, or at the nearest place above it.
+
+    `parent_path` is the dotted path of the tree itself.
+    """
+    return mistake(nearest_place(root, path.split(".")), join(parent_path, path), message)
 
 
 def refuse(place: Place, path: str, message: str) -> InputError:
@@ -122,19 +127,19 @@ def refuse(place: Place, path: str, message: str) -> InputError:
     return InputError(records=[mistake(place, path, message)])
 
 
-def hint(word: str, known: Iterable[str]) -> str:
-    """Return `` (did you mean 'this'?)``, by meaning or by spelling; empty if no known word is similar."""
+def hint(word: str, known_names: Iterable[str]) -> str:
+    """Return `` (did you mean 'this'?)``, by meaning or by spelling; empty if no known name is similar."""
     if len(word) > input_limits.QUOTED_LENGTH:
         return ""
     lower = word.lower()
-    spellings = {str(name).lower(): str(name) for name in known}
+    spellings = {str(name).lower(): str(name) for name in known_names}
     if lower in MEANINGS:
-        synonym = meant(word, spellings.values())
+        synonym = find_synonym(word, spellings.values())
         return f" (did you mean {synonym!r}?)" if synonym else ""
-    similar = difflib.get_close_matches(lower, list(spellings), n=1, cutoff=0.6)
-    if not similar and len(word) > 2:
-        similar = [name for name in spellings if name.startswith(f"{lower}_")]
-    return f" (did you mean {spellings[similar[0]]!r}?)" if similar else ""
+    similar_names = difflib.get_close_matches(lower, list(spellings), n=1, cutoff=0.6)
+    if not similar_names and len(word) > 2:
+        similar_names = [name for name in spellings if name.startswith(f"{lower}_")]
+    return f" (did you mean {spellings[similar_names[0]]!r}?)" if similar_names else ""
 
 
 def read(path: Path) -> Node:
@@ -201,8 +206,8 @@ def read_mapping(path: Path) -> Node:
 
 def show(path: Path) -> str:
     """Return a path for messages: relative to the working folder if it is below it, otherwise absolute."""
-    relative = os.path.relpath(path)
-    return str(path) if relative.startswith("..") else relative
+    relative_path = os.path.relpath(path)
+    return str(path) if relative_path.startswith("..") else relative_path
 
 
 # Tags that YAML itself gives to plain words; all but the first five remain text
@@ -221,22 +226,22 @@ class _Conversion:
     def place(self, raw: Any) -> Place:
         return Place(self.file, raw.start_mark.line + 1, raw.start_mark.column + 1, self.folder)
 
-    def node(self, raw: Any, path: str, above: tuple[int, ...]) -> Node:
-        """Return the tree node of a composed node; `above` are the identities of the nodes that contain it."""
+    def node(self, raw: Any, path: str, container_ids: tuple[int, ...]) -> Node:
+        """Return the tree node of a composed node; `container_ids` are the identities of the nodes that contain it."""
         place = self.place(raw)
         self.nodes += 1  # an alias counts with all its content, which is repeated
         if self.nodes > input_limits.YAML_NODES:
             raise refuse(place, path, f"with its aliases more than {input_limits.YAML_NODES} words, lists and mappings")
-        if id(raw) in above:
+        if id(raw) in container_ids:
             self.mistakes.append(mistake(place, path, "an alias that contains itself"))
             return Node(None, place)
-        containers = (*above, id(raw))
+        child_container_ids = (*container_ids, id(raw))
         if isinstance(raw, MappingNode):
-            return self._mapping(raw, place, path, containers)
+            return self._mapping(raw, place, path, child_container_ids)
         if isinstance(raw, SequenceNode):
             items = []
             for index, item in enumerate(raw.value):
-                items.append(self.node(item, join(path, index), containers))
+                items.append(self.node(item, join(path, index), child_container_ids))
             return Node(items, place)
         if _short_tag(raw) not in _TAGS:
             self.mistakes.append(mistake(place, path, f"the tag {quoted(str(raw.tag))} has no meaning here"))
@@ -248,7 +253,7 @@ class _Conversion:
             self.mistakes.append(mistake(place, path, message))
         return Node(_scalar(raw), place)
 
-    def _mapping(self, raw: MappingNode, place: Place, path: str, above: tuple[int, ...]) -> Node:
+    def _mapping(self, raw: MappingNode, place: Place, path: str, container_ids: tuple[int, ...]) -> Node:
         values: dict[str, Node] = {}
         keys: dict[str, Place] = {}
         for key_node, value_node in raw.value:
@@ -263,7 +268,7 @@ class _Conversion:
                 self.mistakes.append(mistake(key_place, join(path, key), message))
                 continue
             keys[key] = key_place
-            value = self.node(value_node, join(path, key), above)
+            value = self.node(value_node, join(path, key), container_ids)
             # The parser gives an empty value the place of the next word; the place of its key is better.
             values[key] = value if value.value is not None else Node(None, key_place)
         return Node(values, place, keys)
@@ -303,22 +308,22 @@ def join(path: str, key: str | int) -> str:
     return f"{path}.{key}" if path else str(key)
 
 
-def plain(node: Node) -> Any:
+def plain_data(node: Node) -> Any:
     """Return the tree as dictionaries, lists and scalars."""
     if node.is_map:
-        return {key: plain(child) for key, child in node.value.items()}
+        return {key: plain_data(child) for key, child in node.value.items()}
     if node.is_list:
-        return [plain(child) for child in node.value]
+        return [plain_data(child) for child in node.value]
     return node.value
 
 
-def from_plain(data: Any, place: Place) -> Node:
+def node_from_data(data: Any, place: Place) -> Node:
     """Return a tree of `data` (dictionaries, lists, scalars), all nodes with the same place."""
     if isinstance(data, dict):
-        values = {str(key): from_plain(child, place) for key, child in data.items()}
+        values = {str(key): node_from_data(child, place) for key, child in data.items()}
         return Node(values, place, dict.fromkeys(values, place))
     if isinstance(data, list | tuple):
-        return Node([from_plain(child, place) for child in data], place)
+        return Node([node_from_data(child, place) for child in data], place)
     return Node(data, place)
 
 
@@ -327,24 +332,24 @@ def with_child(node: Node, key: str, child: Node, key_place: Place | None = None
     return Node({**node.value, key: child}, node.place, {**node.keys, key: key_place or child.place})
 
 
-def without(node: Node, key: str) -> Node:
+def without_key(node: Node, key: str) -> Node:
     """Return a copy of a mapping without `key`."""
     values = {name: child for name, child in node.value.items() if name != key}
     keys = {name: node.keys[name] for name in values}
     return Node(values, node.place, keys)
 
 
-def put(node: Node, path: list[str], child: Node) -> Node:
+def with_node(node: Node, path: list[str], child: Node) -> Node:
     """Return the tree with `child` at `path`; missing mappings on the way are created."""
     if not path:
         return child
-    key, below = path[0], path[1:]
+    key, child_path = path[0], path[1:]
     if node.is_list:
         index = index_of(key, node.value, node.place)
-        return with_item(node, index, put(node.value[index], below, child))
+        return with_item(node, index, with_node(node.value[index], child_path, child))
     mapping = node if node.is_map else Node({}, child.place)
-    present = mapping.value.get(key, Node({}, child.place))
-    return with_child(mapping, key, put(present, below, child), mapping.keys.get(key))
+    present_child = mapping.value.get(key, Node({}, child.place))
+    return with_child(mapping, key, with_node(present_child, child_path, child), mapping.keys.get(key))
 
 
 def with_item(node: Node, index: int, child: Node) -> Node:
@@ -382,9 +387,9 @@ def dump(data: Any) -> str:
     writer = YAML(typ="rt", pure=True)
     writer.default_flow_style = False
     writer.width = 4096
-    out = io.StringIO()
-    writer.dump(_lines(data), out)
-    return out.getvalue()
+    stream = io.StringIO()
+    writer.dump(_lines(data), stream)
+    return stream.getvalue()
 
 
 def _lines(data: Any) -> Any:

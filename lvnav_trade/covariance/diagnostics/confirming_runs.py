@@ -9,25 +9,27 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import erfc, gammainc, gammaincc
 
-from lvnav_trade.covariance.diagnostics.protection import Protection, columns_of, without_satellite
+from lvnav_trade.covariance.diagnostics.protection import Protection, exclude_satellite, output_columns
 from lvnav_trade.kernels.covariance import N_NAV_ERROR
 from lvnav_trade.kernels.vector import WIDTH
 from lvnav_trade.quantities.records import OF_SEPARATION, CovHistory, Floats, RunBlock
 from lvnav_trade.simulation.montecarlo import run_block
-from lvnav_trade.simulation.preparation.prepare import Prepared
+from lvnav_trade.simulation.preparation.prepare import PreparedCase
 from lvnav_trade.simulation.statistics import BlockSummary, merge, summarise
 
 GAP = 5.0
 """Seconds without a measurement after which the next measurement is assessed separately."""
-AFTER_GAP = "first measurement at "
+GAP_END_PREFIX = "first measurement at "
 """Beginning of the name of such a time."""
 
 
-SUSPECT = 0.2
+SUSPICION_LEVEL = 0.2
 """Level of the test over all errors of a case at all times, below which the second half of the runs is simulated."""
 
 
-def spot_check(prepared: Prepared, history: CovHistory, events: dict[str, float], seed: int, runs: int) -> BlockSummary:
+def spot_check(
+    prepared_case: PreparedCase, history: CovHistory, events: dict[str, float], seed: int, runs: int
+) -> BlockSummary:
     """Simulate runs of a case and return their statistics at the events and after every gap.
 
     Half of the runs are simulated first; the others only if an error is larger or smaller than expected. The draws are
@@ -35,7 +37,7 @@ def spot_check(prepared: Prepared, history: CovHistory, events: dict[str, float]
 
     Parameters
     ----------
-    prepared
+    prepared_case
         Prepared case.
     history
         Linear covariance of the case.
@@ -44,26 +46,26 @@ def spot_check(prepared: Prepared, history: CovHistory, events: dict[str, float]
     seed, runs
         Seed of the campaign, and number of runs.
     """
-    first_time = prepared.t_hist[0]
-    last_time = prepared.t_hist[-1]
+    first_time = prepared_case.t_hist[0]
+    last_time = prepared_case.t_hist[-1]
     times = {name: t for name, t in events.items() if first_time <= t <= last_time}
     times |= {gap.name: gap.end for gap in gaps(history)}
 
     def summary(first: int, count: int) -> BlockSummary:
-        block = run_block(prepared, seed, first, count)
-        return summarise(block, times, history.true_sigma, prepared.outputs)
+        block = run_block(prepared_case, seed, first, count)
+        return summarise(block, times, history.true_sigma, prepared_case.outputs)
 
     n_pair = -(-runs // (2 * WIDTH))  # rounded up
     half = WIDTH * n_pair  # whole groups of lanes
     first_half = summary(0, min(half, runs))
-    if half >= runs or not _suspect(first_half, history):
+    if half >= runs or not _is_suspect(first_half, history):
         return first_half
     second_half = summary(half, runs - half)
     return merge([first_half, second_half])
 
 
-def _suspect(summary: BlockSummary, history: CovHistory) -> bool:
-    """Return whether navigation errors of some runs contradict linear covariance, at level `SUSPECT` in total.
+def _is_suspect(summary: BlockSummary, history: CovHistory) -> bool:
+    """Return whether navigation errors of some runs contradict linear covariance, at level `SUSPICION_LEVEL` in total.
 
     Tested are the mean square about the mean, by chi-square, and the largest error, by the Gaussian distribution.
     """
@@ -87,7 +89,7 @@ def _suspect(summary: BlockSummary, history: CovHistory) -> bool:
     largest_error = np.abs(z).max()
     largest_level = n * erfc(largest_error / np.sqrt(2.0))
     smallest_level = min(square_level.min(), largest_level)
-    return bool(smallest_level < SUSPECT / n_row)
+    return bool(smallest_level < SUSPICION_LEVEL / n_row)
 
 
 class Gap(NamedTuple):
@@ -108,23 +110,23 @@ def gaps(history: CovHistory) -> tuple[Gap, ...]:
 
     The time before the first measurement counts too. The name of a gap contains its end.
     """
-    measured = np.flatnonzero(history.n_row > 0)
-    if not measured.size:
+    measurement_epochs = np.flatnonzero(history.n_row > 0)
+    if not measurement_epochs.size:
         return ()
-    t = history.t_epoch[measured]
-    usual = float(np.median(np.diff(t))) if t.size > 1 else 0.0
-    before = np.concatenate([history.t[:1], t[:-1]])
-    interval = t - before
-    is_gap = interval > max(GAP, 3.0 * usual)
+    t = history.t_epoch[measurement_epochs]
+    median_interval = float(np.median(np.diff(t))) if t.size > 1 else 0.0
+    previous_times = np.concatenate([history.t[:1], t[:-1]])
+    interval = t - previous_times
+    is_gap = interval > max(GAP, 3.0 * median_interval)
     last_hist = history.t.size - 1
-    measured_again = t[is_gap]
-    hist = np.searchsorted(history.t, measured_again - 1e-9)
+    end_times = t[is_gap]
+    hist = np.searchsorted(history.t, end_times - 1e-9)
     hist = np.minimum(hist, last_hist)
-    begins = before[is_gap].tolist()
+    begins = previous_times[is_gap].tolist()
     ends = history.t[hist].tolist()
     intervals = []
     for begin, end in zip(begins, ends, strict=True):
-        name = f"{AFTER_GAP}{end:g} s"
+        name = f"{GAP_END_PREFIX}{end:g} s"
         intervals.append(Gap(name, begin, end))
     return tuple(intervals)
 
@@ -132,12 +134,12 @@ def gaps(history: CovHistory) -> tuple[Gap, ...]:
 _ROUNDING = 1e-6  # of a sigma: filters that have used the same measurements so far differ by less
 
 
-def furthest(apart: Floats, protection: Protection) -> Floats:
+def separation_ratio(separation: Floats, protection: Protection) -> Floats:
     """Return the largest ratio of separation to limit over axes and quantities; above 1 is an alarm.
 
     Parameters
     ----------
-    apart
+    separation
         (..., n_satellite, n_hist, n_quantity, 3) SI. Separations; not-a-number, of a failed run, is no alarm.
     protection
         Protection levels with the limits.
@@ -149,7 +151,7 @@ def furthest(apart: Floats, protection: Protection) -> Floats:
     """
     tolerance = _ROUNDING * protection.sigma
     limit = protection.limits + tolerance + np.finfo(float).tiny
-    ratio = np.abs(apart) / limit
+    ratio = np.abs(separation) / limit
     ratio = np.where(np.isfinite(ratio), ratio, 0.0)
     return np.asarray(ratio.max(axis=(-2, -1)))
 
@@ -162,7 +164,7 @@ def alarms(ratio: Floats, t: Floats, channels: Floats, first_run: int) -> Floats
     Parameters
     ----------
     ratio
-        (n_run, n_satellite, n_hist). Ratios of `furthest`.
+        (n_run, n_satellite, n_hist). Ratios of `separation_ratio`.
     t
         (n_hist,) s since lift-off.
     channels
@@ -174,25 +176,25 @@ def alarms(ratio: Floats, t: Floats, channels: Floats, first_run: int) -> Floats
         return np.zeros((0, 4))
     is_alarm = ratio.max(axis=1) > 1.0
     worst = np.argmax(ratio, axis=1)
-    named = np.where(is_alarm, worst, -1)
-    none_before = np.full((len(named), 1), -1)
-    before = np.concatenate([none_before, named[:, :-1]], axis=1)
-    begins = (named >= 0) & (named != before)
+    satellite_numbers = np.where(is_alarm, worst, -1)
+    no_alarm = np.full((len(satellite_numbers), 1), -1)
+    previous_numbers = np.concatenate([no_alarm, satellite_numbers[:, :-1]], axis=1)
+    begins = (satellite_numbers >= 0) & (satellite_numbers != previous_numbers)
     run, hist = np.nonzero(begins)
-    satellite = named[run, hist]
+    satellite = satellite_numbers[run, hist]
     test = np.full(run.size, float(OF_SEPARATION))
     table = np.column_stack([first_run + run, t[hist], test, channels[satellite]])
     return table.astype(float)
 
 
-def _channels(prepared: Prepared, protection: Protection) -> Floats:
+def _channels(prepared_case: PreparedCase, protection: Protection) -> Floats:
     """Return the first channel of each satellite that has a sub-filter without it."""
-    names = prepared.sky.names
+    names = prepared_case.sky.names
     satellites = [names.index(name) for name in protection.satellites]
-    return prepared.model.n_kind * np.array(satellites, dtype=float)
+    return prepared_case.model.n_observable * np.array(satellites, dtype=float)
 
 
-def with_alarms(runs: RunBlock, prepared: Prepared, protection: Protection | None, seed: int) -> RunBlock:
+def add_alarms(runs: RunBlock, prepared_case: PreparedCase, protection: Protection | None, seed: int) -> RunBlock:
     """Return the runs with alarms among their decisions, by one further block of runs for every satellite.
 
     Without protection levels or alarms the runs are returned unchanged.
@@ -201,7 +203,7 @@ def with_alarms(runs: RunBlock, prepared: Prepared, protection: Protection | Non
     ----------
     runs
         Block of runs of the case.
-    prepared
+    prepared_case
         Prepared case.
     protection
         Protection levels of the case, or None.
@@ -210,46 +212,46 @@ def with_alarms(runs: RunBlock, prepared: Prepared, protection: Protection | Non
     """
     if protection is None or not protection.alarms:
         return runs
-    columns = columns_of(prepared)
+    columns = output_columns(prepared_case)
     n_run = len(runs.failed)
     n_satellite = len(protection.satellites)
     ratio = np.zeros((n_run, n_satellite, runs.t.size))
     for number, name in enumerate(protection.satellites):
-        satellite = prepared.sky.names.index(name)
-        sub_filter = without_satellite(prepared, satellite)
+        satellite = prepared_case.sky.names.index(name)
+        sub_filter = exclude_satellite(prepared_case, satellite)
         sub_runs = run_block(sub_filter, seed, runs.first_run, n_run)
         error = runs.err[:, :, columns]
         sub_error = sub_runs.err[:, :, columns]
         limits = protection.limits[number]
-        ratio[:, number] = furthest(error - sub_error, protection._replace(limits=limits))
-    channels = _channels(prepared, protection)
-    of_runs = alarms(ratio, runs.t, channels, runs.first_run)
-    return runs._replace(decisions=_sorted_decisions(runs.decisions, of_runs))
+        ratio[:, number] = separation_ratio(error - sub_error, protection._replace(limits=limits))
+    channels = _channels(prepared_case, protection)
+    run_decisions = alarms(ratio, runs.t, channels, runs.first_run)
+    return runs._replace(decisions=_sorted_decisions(runs.decisions, run_decisions))
 
 
-def with_nominal_alarms(history: CovHistory, prepared: Prepared, protection: Protection | None) -> CovHistory:
+def add_nominal_alarms(history: CovHistory, prepared_case: PreparedCase, protection: Protection | None) -> CovHistory:
     """Return the linear covariance with the alarms of a run without noise among its decisions, if requested.
 
     Parameters
     ----------
     history
         Linear covariance of the case.
-    prepared
+    prepared_case
         Prepared case.
     protection
         Protection levels of the case, or None.
     """
     if protection is None or not protection.alarms:
         return history
-    ratio = furthest(protection.apart, protection)[None]
-    channels = _channels(prepared, protection)
-    nominal = alarms(ratio, protection.t, channels, 0)
-    return history._replace(decisions=_sorted_decisions(history.decisions, nominal))
+    ratio = separation_ratio(protection.separation, protection)[None]
+    channels = _channels(prepared_case, protection)
+    nominal_decisions = alarms(ratio, protection.t, channels, 0)
+    return history._replace(decisions=_sorted_decisions(history.decisions, nominal_decisions))
 
 
-def _sorted_decisions(decisions: Floats, more: Floats) -> Floats:
+def _sorted_decisions(decisions: Floats, alarm_decisions: Floats) -> Floats:
     """Return two tables of decisions as one, sorted by run, then by time."""
-    table = np.concatenate([decisions, more])
+    table = np.concatenate([decisions, alarm_decisions])
     run = table[:, 0]
     time = table[:, 1]
     order = np.lexsort((time, run))

@@ -7,9 +7,9 @@ import numpy as np
 
 from lvnav_trade.kernels.transition import ATT, POS, VEL
 from lvnav_trade.quantities.records import Floats
-from lvnav_trade.simulation.montecarlo import simulated
+from lvnav_trade.simulation.montecarlo import simulate_transition_errors
 from lvnav_trade.simulation.preparation.inputs import Options
-from lvnav_trade.simulation.preparation.prepare import Prepared
+from lvnav_trade.simulation.preparation.prepare import PreparedCase
 
 
 class StepErrors(NamedTuple):
@@ -48,7 +48,7 @@ class Densities(NamedTuple):
     accel_bias: float
 
 
-def step_errors(prepared: Prepared, seed: int, n_run: int) -> StepErrors:
+def step_errors(prepared_case: PreparedCase, seed: int, n_run: int) -> StepErrors:
     """Return the statistics of the transition error between history times, over an ensemble of unaided runs.
 
     Each run draws all errors of IMU and start, modelled by the filter or not. The transition is evaluated at the motion
@@ -56,36 +56,36 @@ def step_errors(prepared: Prepared, seed: int, n_run: int) -> StepErrors:
 
     Parameters
     ----------
-    prepared
+    prepared_case
         Prepared case.
     seed, n_run
         Seed of the campaign, and number of runs.
     """
-    scenario = prepared.scenario
+    scenario = prepared_case.scenario
     open_loop = scenario.filter.model_copy(update={"feedback": "open"})
-    unaided = prepared._replace(
-        model=prepared.model._replace(aided=False),
-        options=Options(misses=True),
+    unaided_case = prepared_case._replace(
+        model=prepared_case.model._replace(has_epochs=False),
+        options=Options(has_transition_errors=True),
         scenario=scenario.model_copy(update={"filter": open_loop}),
     )
-    n_hist = prepared.t_hist.size
-    n = prepared.layout.n_state
+    n_hist = prepared_case.t_hist.size
+    n = prepared_case.layout.n_state
     total = np.zeros((n_hist, n))
     products = np.zeros((n_hist, n, n))
     squares = np.zeros((n_hist, n))
-    for misses in simulated(unaided, seed, n_run):
-        missed = misses.missed
-        total += missed.sum(axis=0)
-        products += np.einsum("rhi,rhj->hij", missed, missed)
-        squares += np.sum(misses.error**2, axis=0)
+    for run_group in simulate_transition_errors(unaided_case, seed, n_run):
+        transition_errors = run_group.transition_error
+        total += transition_errors.sum(axis=0)
+        products += np.einsum("rhi,rhj->hij", transition_errors, transition_errors)
+        squares += np.sum(run_group.error**2, axis=0)
     mean = total / n_run
     scatter = products - n_run * mean[:, :, None] * mean[:, None, :]
     covariance = scatter / max(1, n_run - 1)
     error = np.sqrt(squares / n_run)
     # the first history time has no step before it
     return StepErrors(
-        t=prepared.t_hist[1:],
-        seconds=np.diff(prepared.t_hist),
+        t=prepared_case.t_hist[1:],
+        seconds=np.diff(prepared_case.t_hist),
         mean=mean[1:],
         covariance=covariance[1:],
         error=error[1:],
@@ -93,19 +93,19 @@ def step_errors(prepared: Prepared, seed: int, n_run: int) -> StepErrors:
     )
 
 
-def densities(errors: StepErrors, prepared: Prepared, since: float = 0.0, until: float = math.inf) -> Densities:
+def densities(errors: StepErrors, prepared_case: PreparedCase, begin: float = 0.0, end: float = math.inf) -> Densities:
     """Return the process noise with the mean square transition error of the ensemble.
 
     Parameters
     ----------
     errors
         Statistics of the transition error.
-    prepared
+    prepared_case
         Prepared case.
-    since, until
+    begin, end
         s since lift-off. Interval of the flight whose steps are used.
     """
-    in_interval = (errors.t > since) & (errors.t <= until) & (errors.seconds > 0.0)
+    in_interval = (errors.t > begin) & (errors.t <= end) & (errors.seconds > 0.0)
     variance = np.diagonal(errors.covariance, axis1=1, axis2=2) + errors.mean**2
     # white noise of density q adds q T per step, so q is the sum of the variances over the sum of the times
     total_variance = variance[in_interval].sum(axis=0)
@@ -113,7 +113,7 @@ def densities(errors: StepErrors, prepared: Prepared, since: float = 0.0, until:
     density = total_variance / total_time
 
     offsets = {"attitude": ATT, "velocity": VEL, "position": POS}
-    offsets |= {block.name: block.offset for block in prepared.layout.parameters}
+    offsets |= {block.name: block.offset for block in prepared_case.layout.parameters}
     roots = dict.fromkeys(Densities._fields, 0.0)
     for name in Densities._fields:
         if name in offsets:

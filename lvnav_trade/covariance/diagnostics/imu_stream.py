@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from lvnav_trade.imu import allan
-from lvnav_trade.imu.array import triads_of
+from lvnav_trade.imu.array import list_triads
 from lvnav_trade.imu.error_model import AccelCard, GyroCard, ImuCard
 from lvnav_trade.kernels import processes
 from lvnav_trade.kernels.jit import jit
@@ -16,12 +16,12 @@ from lvnav_trade.kernels.transition import CONSTANT
 from lvnav_trade.quantities.per_axis import rms
 from lvnav_trade.quantities.records import Floats
 from lvnav_trade.simulation.imu_sensing import sense
-from lvnav_trade.simulation.preparation.imu_arrays import white_of
+from lvnav_trade.simulation.preparation.imu_arrays import noise_sigmas
 from lvnav_trade.simulation.preparation.imu_inputs import ImuTruth
-from lvnav_trade.simulation.preparation.prepare import Prepared
+from lvnav_trade.simulation.preparation.prepare import PreparedCase
 
-_LEAST = 10  # intervals of the longest averaging time in the stream
-_PER_DECADE = 6
+_MIN_INTERVALS = 10  # intervals of the longest averaging time in the stream
+_TIMES_PER_DECADE = 6
 
 # Arrays of a run that the IMU kernels use, by the names that they read.
 _Work = namedtuple("_Work", "run nav true_par true_tables increments remainder")
@@ -76,12 +76,12 @@ def _collect(out: Any, work: Any, unit: Any, count: Any, key: Any) -> None:
             out[k, i] = total / (count * unit.dt)
 
 
-def _at_rest(prepared: Prepared, triad: int, card: ImuCard, n_tick: int) -> ImuTruth:
+def _imu_at_rest(prepared_case: PreparedCase, triad: int, card: ImuCard, n_tick: int) -> ImuTruth:
     """Return one IMU of the case at rest, with the error blocks of its triad and without warm-up and motion.
 
     Parameters
     ----------
-    prepared
+    prepared_case
         Prepared case.
     triad
         Number of the triad.
@@ -90,7 +90,7 @@ def _at_rest(prepared: Prepared, triad: int, card: ImuCard, n_tick: int) -> ImuT
     n_tick
         Number of ticks.
     """
-    unit = prepared.unit
+    unit = prepared_case.unit
     no_motion = np.zeros((n_tick, 3))
     blocks = unit.sensors // 2 == triad
     names = ("sigma", "decay", "walk", "sources", "drivers")
@@ -103,18 +103,18 @@ def _at_rest(prepared: Prepared, triad: int, card: ImuCard, n_tick: int) -> ImuT
         dtheta=no_motion,
         dvel=no_motion,
         gravity=-1,
-        drifting=True,
-        white=white_of(card, unit.dt),
+        is_drifting=True,
+        white=noise_sigmas(card, unit.dt),
         biases_only=bool(np.all(parameters["drivers"] == CONSTANT)),
     )
 
 
-def stream_at_rest(prepared: Prepared, triad: int, card: ImuCard, n_mean: int, seed: int) -> Floats:
+def stream_at_rest(prepared_case: PreparedCase, triad: int, card: ImuCard, n_mean: int, seed: int) -> Floats:
     """Return the output of an IMU of a case at rest, as means over its process steps, (n_mean, 6) rad/s and m/s^2.
 
     Parameters
     ----------
-    prepared
+    prepared_case
         Prepared case.
     triad
         Number of the triad.
@@ -125,7 +125,7 @@ def stream_at_rest(prepared: Prepared, triad: int, card: ImuCard, n_mean: int, s
     seed
         Seed of the draws.
     """
-    unit = _at_rest(prepared, triad, card, n_mean * prepared.unit.process_ticks)
+    unit = _imu_at_rest(prepared_case, triad, card, n_mean * prepared_case.unit.process_ticks)
     n_block = max(1, len(unit.sigma))
     work = _Work(
         run=np.zeros(1, dtype=np.uint64),
@@ -142,7 +142,7 @@ def stream_at_rest(prepared: Prepared, triad: int, card: ImuCard, n_mean: int, s
     return means
 
 
-def by_card(card: GyroCard | AccelCard, tau: Floats) -> tuple[Floats, Floats, Floats]:
+def card_deviations(card: GyroCard | AccelCard, tau: Floats) -> tuple[Floats, Floats, Floats]:
     """Return the Allan deviations by a card over tau (n,) s, root mean square of the axes.
 
     Returns
@@ -156,7 +156,7 @@ def by_card(card: GyroCard | AccelCard, tau: Floats) -> tuple[Floats, Floats, Fl
     """
     white_noise = allan.white(rms(card.random_walk), tau)
     quantisation = 0.5 * card.quantisation / tau
-    white = allan.together(white_noise, quantisation)
+    white = allan.combined_deviation(white_noise, quantisation)
     instability = np.zeros_like(tau)
     if card.flicker > 0.0 and card.instability_fit is not None:
         instability = np.full_like(tau, card.flicker * allan.FLOOR)
@@ -166,41 +166,41 @@ def by_card(card: GyroCard | AccelCard, tau: Floats) -> tuple[Floats, Floats, Fl
     return white, instability, walk
 
 
-def allan_curves(prepared: Prepared, seconds: float, seed: int) -> tuple[Curve, ...]:
+def allan_curves(prepared_case: PreparedCase, seconds: float, seed: int) -> tuple[Curve, ...]:
     """Return the Allan deviations of gyros and accelerometers of every IMU of a case, from a simulated stream.
 
     Parameters
     ----------
-    prepared
+    prepared_case
         Prepared case.
     seconds
         s. Length of the stream; no curve is returned if it is too short for one averaging time.
     seed
         Seed of the draws.
     """
-    dt = prepared.unit.dt * prepared.unit.process_ticks
+    dt = prepared_case.unit.dt * prepared_case.unit.process_ticks
     n_mean = math.floor(seconds / dt)
-    longest = n_mean // _LEAST
+    longest = n_mean // _MIN_INTERVALS
     if longest < 1:
         return ()
-    count = max(2, math.ceil(_PER_DECADE * math.log10(max(longest, 2))))
+    count = max(2, math.ceil(_TIMES_PER_DECADE * math.log10(max(longest, 2))))
     factors = np.unique(np.rint(np.geomspace(1, longest, count)).astype(np.int64)).tolist()
     tau = dt * np.array(factors, dtype=float)
     curves = []
-    for triad, card, name in _triad_cards(prepared):
-        means = stream_at_rest(prepared, triad, card, n_mean, seed)
+    for triad, card, name in _triad_cards(prepared_case):
+        means = stream_at_rest(prepared_case, triad, card, n_mean, seed)
         for columns, label, sensor, unit in (
             (slice(0, 3), "gyro", card.gyro, "rad/s"),
             (slice(3, 6), "accelerometer", card.accel, "m/s^2"),
         ):
-            by_axis = allan.overlapping(means[:, columns], dt, factors)
-            white, instability, walk = by_card(sensor, tau)
+            axis_deviations = allan.overlapping(means[:, columns], dt, factors)
+            white, instability, walk = card_deviations(sensor, tau)
             curve = Curve(
                 sensor=f"{name}{label}",
                 unit=unit,
                 tau=tau,
-                stream=np.sqrt(np.mean(by_axis**2, axis=1)),
-                card=allan.together(white, instability, walk),
+                stream=np.sqrt(np.mean(axis_deviations**2, axis=1)),
+                card=allan.combined_deviation(white, instability, walk),
                 white=white,
                 instability=instability,
                 walk=walk,
@@ -209,13 +209,13 @@ def allan_curves(prepared: Prepared, seconds: float, seed: int) -> tuple[Curve, 
     return tuple(curves)
 
 
-def _triad_cards(prepared: Prepared) -> list[tuple[int, ImuCard, str]]:
+def _triad_cards(prepared_case: PreparedCase) -> list[tuple[int, ImuCard, str]]:
     """Return number, card and prefix of the name of every triad of IMU axes."""
-    imu = prepared.scenario.imu
+    imu = prepared_case.scenario.imu
     if isinstance(imu, ImuCard):
         return [(0, imu, "")]
     cards: list[tuple[int, ImuCard, str]] = []
-    for k, triad in enumerate(triads_of(imu)):
+    for k, triad in enumerate(list_triads(imu)):
         card = imu.units[triad.unit]
         cards.append((k, card, f"unit {triad.unit + 1} "))
     return cards

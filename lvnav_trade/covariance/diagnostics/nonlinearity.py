@@ -16,12 +16,12 @@ from lvnav_trade.covariance.diagnostics.propagated_errors import (
     strapdown_errors,
     update_windows,
 )
-from lvnav_trade.covariance.history import turns
+from lvnav_trade.covariance.history import reporting_rotations
 from lvnav_trade.covariance.workspace import Nominal, new_nominal
-from lvnav_trade.filter.ekf import channel_of, fill_receiver
+from lvnav_trade.filter.ekf import fill_receiver, receiver_channel
 from lvnav_trade.filter.policies.epoch_differences import is_present
 from lvnav_trade.quantities.records import CovHistory, Floats
-from lvnav_trade.simulation.preparation.prepare import Prepared
+from lvnav_trade.simulation.preparation.prepare import PreparedCase
 
 
 class Nonlinearity(NamedTuple):
@@ -43,7 +43,7 @@ class Nonlinearity(NamedTuple):
 
 
 def nonlinearity(
-    prepared: Prepared, history: CovHistory, time: float, scale: float = 1.0, end: float | None = None
+    prepared_case: PreparedCase, history: CovHistory, time: float, scale: float = 1.0, end: float | None = None
 ) -> Nonlinearity:
     """Return the nonlinearity over one update interval, or over a gap without measurements.
 
@@ -52,7 +52,7 @@ def nonlinearity(
 
     Parameters
     ----------
-    prepared
+    prepared_case
         Prepared case.
     history
         Linear covariance of the case.
@@ -63,24 +63,24 @@ def nonlinearity(
     end
         s since lift-off. First measurement after the gap; None: one update interval.
     """
-    hist = int(np.argmin(np.abs(prepared.t_hist - time)))
-    time = float(prepared.t_hist[hist])
-    formal, true = _covariances(prepared, history, hist)
+    hist = int(np.argmin(np.abs(prepared_case.t_hist - time)))
+    time = float(prepared_case.t_hist[hist])
+    formal, true = _covariances(prepared_case, history, hist)
     directions = scale * _factor(true)
-    start = start_tick(prepared, time)
-    windows = update_windows(prepared, start) if end is None else gap_pieces(prepared, time, end)
-    linear = linear_errors(prepared, start, directions, windows)
+    start = start_tick(prepared_case, time)
+    windows = update_windows(prepared_case, start) if end is None else gap_pieces(prepared_case, time, end)
+    linear = linear_errors(prepared_case, start, directions, windows)
     # f(d) = L d + q(d, d): half of the sum of both signs is q, half of the difference is L d
-    plus = strapdown_errors(prepared, start, directions, windows)
-    minus = strapdown_errors(prepared, start, -directions, windows)
+    plus = strapdown_errors(prepared_case, start, directions, windows)
+    minus = strapdown_errors(prepared_case, start, -directions, windows)
     if end is not None:  # the measurement at the end of the gap sees the grown errors
-        last_before_end = int(np.searchsorted(prepared.t_hist, end - 1e-9)) - 1
+        last_before_end = int(np.searchsorted(prepared_case.t_hist, end - 1e-9)) - 1
         last = max(hist, last_before_end)
-        formal, true = _covariances(prepared, history, last)
+        formal, true = _covariances(prepared_case, history, last)
         directions = scale * _factor(true)
         time = end
     first_order, second_order = _orders(plus, minus, linear, formal)
-    rows = _row_nonlinearity(prepared, time, directions, formal)
+    rows = _row_nonlinearity(prepared_case, time, directions, formal)
     n_state = second_order.shape[1]
     return Nonlinearity(
         time=time,
@@ -114,7 +114,7 @@ def _orders(plus: Floats, minus: Floats, linear: Floats, formal: Floats) -> tupl
     return first_order, second_order
 
 
-def open_loop_nonlinearity(prepared: Prepared, history: CovHistory, time: float) -> Nonlinearity:
+def open_loop_nonlinearity(prepared_case: PreparedCase, history: CovHistory, time: float) -> Nonlinearity:
     """Return the nonlinearity of an open loop, accumulated since the start.
 
     The filter is linearised at the uncorrected INS, whose distance from the truth grows. The directions are those of
@@ -124,25 +124,25 @@ def open_loop_nonlinearity(prepared: Prepared, history: CovHistory, time: float)
 
     Parameters
     ----------
-    prepared
+    prepared_case
         Prepared case.
     history
         Linear covariance of the case.
     time
         s since lift-off. The nearest history time is used.
     """
-    hist = int(np.argmin(np.abs(prepared.t_hist - time)))
-    time = float(prepared.t_hist[hist])
-    begin = float(prepared.t_hist[0])
-    pieces = gap_pieces(prepared, begin, time)
-    _, initial = _covariances(prepared, history, 0)
+    hist = int(np.argmin(np.abs(prepared_case.t_hist - time)))
+    time = float(prepared_case.t_hist[hist])
+    begin = float(prepared_case.t_hist[0])
+    pieces = gap_pieces(prepared_case, begin, time)
+    _, initial = _covariances(prepared_case, history, 0)
     directions = _factor(initial)
-    distance = linear_errors(prepared, 0, directions, covariance_steps(prepared, time))
-    plus = strapdown_errors(prepared, 0, directions, pieces)
-    minus = strapdown_errors(prepared, 0, -directions, pieces)
-    formal, _ = _covariances(prepared, history, hist)
+    distance = linear_errors(prepared_case, 0, directions, covariance_steps(prepared_case, time))
+    plus = strapdown_errors(prepared_case, 0, directions, pieces)
+    minus = strapdown_errors(prepared_case, 0, -directions, pieces)
+    formal, _ = _covariances(prepared_case, history, hist)
     first_order, second_order = _orders(plus, minus, distance, formal)
-    rows = _row_nonlinearity(prepared, time, distance, formal, noise=0.0)
+    rows = _row_nonlinearity(prepared_case, time, distance, formal, noise=0.0)
     n_state = second_order.shape[1]
     return Nonlinearity(
         time=time,
@@ -153,21 +153,21 @@ def open_loop_nonlinearity(prepared: Prepared, history: CovHistory, time: float)
     )
 
 
-def _covariances(prepared: Prepared, history: CovHistory, hist: int) -> tuple[Floats, Floats]:
+def _covariances(prepared_case: PreparedCase, history: CovHistory, hist: int) -> tuple[Floats, Floats]:
     """Return the formal and the true covariance (n_state, n_state) at a history time, frame i."""
-    turn = turns(prepared)[hist]
-    layout = prepared.layout
+    turn = reporting_rotations(prepared_case)[hist]
+    layout = prepared_case.layout
     n_reported = len(turn)
     states = slice(0, n_reported)  # further outputs are not states
     formal = turn.T @ history.formal_cov[hist, states, states] @ turn
     true = turn.T @ history.true_cov[hist, states, states] @ turn
-    if not layout.n_delayed:
+    if not layout.n_earlier_epoch:
         return formal, true
     # all states from the reported states: clones equal their states, noise states of an epoch are zero
     selection = np.zeros((layout.n_state, n_reported))
-    selection[layout.reported, range(n_reported)] = 1.0
-    clones = slice(layout.clone, layout.clone + len(layout.cloned))
-    selection[clones] = selection[list(layout.cloned)]
+    selection[layout.reported_states, range(n_reported)] = 1.0
+    clones = slice(layout.clone, layout.clone + len(layout.cloned_states))
+    selection[clones] = selection[list(layout.cloned_states)]
     formal = selection @ formal @ selection.T
     true = selection @ true @ selection.T
     return formal, true
@@ -177,8 +177,8 @@ def _factor(covariance: Floats) -> Floats:
     """Return the columns of a Cholesky factor as rows (n, n); zero for a state without variance."""
     variance = np.maximum(0.0, np.diag(covariance))
     sigma = np.sqrt(variance)
-    safe = np.where(sigma > 0.0, sigma, 1.0)
-    correlation = covariance / safe[:, None] / safe[None, :]
+    divisor = np.where(sigma > 0.0, sigma, 1.0)
+    correlation = covariance / divisor[:, None] / divisor[None, :]
     # states differ by ten orders of magnitude, so the correlation is factorised, made safe against rounding
     diagonal = range(len(sigma))
     correlation[diagonal, diagonal] = 1.0 + 1e-9
@@ -186,14 +186,16 @@ def _factor(covariance: Floats) -> Floats:
     return np.array(factor.T, dtype=np.float64, order="C")
 
 
-def _row_nonlinearity(prepared: Prepared, time: float, directions: Floats, formal: Floats, noise: float = 1.0) -> float:
+def _row_nonlinearity(
+    prepared_case: PreparedCase, time: float, directions: Floats, formal: Floats, noise: float = 1.0
+) -> float:
     """Return the largest second-order part of a measurement at the nearest epoch, in sigmas of its innovation.
 
     It is NaN if the filter processes no measurement of the receiver at that epoch.
 
     Parameters
     ----------
-    prepared
+    prepared_case
         Prepared case.
     time
         s since lift-off.
@@ -204,33 +206,33 @@ def _row_nonlinearity(prepared: Prepared, time: float, directions: Floats, forma
     noise
         Factor on the noise variance; 0: in sigmas of the prediction.
     """
-    model = prepared.model
-    if not model.n_receiver or not prepared.t_epoch.size:
+    model = prepared_case.model
+    if not model.n_receiver or not prepared_case.t_epoch.size:
         return float("nan")
-    epoch = int(np.argmin(np.abs(prepared.t_epoch - time)))
-    n_satellite = int(prepared.signals.n_used[epoch])
-    least = 1 if model.tight else 4  # a receiver's solution needs four
-    if n_satellite < least or not _present_rows(prepared, epoch):
+    epoch = int(np.argmin(np.abs(prepared_case.t_epoch - time)))
+    n_satellite = int(prepared_case.signals.n_used[epoch])
+    min_satellites = 1 if model.tight else 4  # a receiver's solution needs four
+    if n_satellite < min_satellites or not _present_rows(prepared_case, epoch):
         return float("nan")
-    work = new_nominal(prepared)
+    work = new_nominal(prepared_case)
     no_error = np.zeros(directions.shape[1])
-    exact = _predicted_rows(prepared, work, epoch, no_error)
-    sigma = _innovation_sigma(prepared, work, epoch, formal, noise)
+    exact = _predicted_rows(prepared_case, work, epoch, no_error)
+    sigma = _innovation_sigma(prepared_case, work, epoch, formal, noise)
     second_differences = []
     for d in directions:
-        plus = _predicted_rows(prepared, work, epoch, d)
-        minus = _predicted_rows(prepared, work, epoch, -d)
+        plus = _predicted_rows(prepared_case, work, epoch, d)
+        minus = _predicted_rows(prepared_case, work, epoch, -d)
         second_differences.append(plus + minus - 2.0 * exact)
     second_order = np.abs(second_differences) / 2.0
     return float(np.max(second_order / sigma))
 
 
-def _predicted_rows(prepared: Prepared, work: Nominal, epoch: int, d: Floats) -> Floats:
+def _predicted_rows(prepared_case: PreparedCase, work: Nominal, epoch: int, d: Floats) -> Floats:
     """Return minus the predicted measurements of an epoch, up to a constant, SI.
 
     Parameters
     ----------
-    prepared
+    prepared_case
         Prepared case.
     work
         Arrays of the nominal run, set here.
@@ -239,41 +241,41 @@ def _predicted_rows(prepared: Prepared, work: Nominal, epoch: int, d: Floats) ->
     d
         (n_state,) SI. Error of the estimate, truth minus estimate.
     """
-    model = prepared.model
-    signals = prepared.signals
-    delayed = prepared.options.delayed
-    previous_epoch = place_previous_epoch(prepared, work, epoch, d)
-    place(prepared, work, epoch, d)
-    fill_receiver(work, previous_epoch, delayed, model, signals, epoch)
-    rows = _present_rows(prepared, epoch)
+    model = prepared_case.model
+    signals = prepared_case.signals
+    differences = prepared_case.options.differences
+    previous_epoch = place_previous_epoch(prepared_case, work, epoch, d)
+    place(prepared_case, work, epoch, d)
+    fill_receiver(work, previous_epoch, differences, model, signals, epoch)
+    rows = _present_rows(prepared_case, epoch)
     return work.z[rows]
 
 
-def _present_rows(prepared: Prepared, epoch: int) -> list[int]:
+def _present_rows(prepared_case: PreparedCase, epoch: int) -> list[int]:
     """Return the indices of the scalar measurements of the receiver that the filter processes at an epoch."""
-    model = prepared.model
-    signals = prepared.signals
-    delayed = prepared.options.delayed
-    n_row = model.n_kind * signals.n_used[epoch] if model.tight else 6
+    model = prepared_case.model
+    signals = prepared_case.signals
+    differences = prepared_case.options.differences
+    n_row = model.n_observable * signals.n_used[epoch] if model.tight else 6
     rows = []
     for row in range(n_row):
-        channel = channel_of(model, signals, epoch, row)
-        if is_present(delayed, model, epoch, channel):
+        channel = receiver_channel(model, signals, epoch, row)
+        if is_present(differences, model, epoch, channel):
             rows.append(row)
     return rows
 
 
-def _innovation_sigma(prepared: Prepared, work: Nominal, epoch: int, formal: Floats, noise: float) -> Floats:
+def _innovation_sigma(prepared_case: PreparedCase, work: Nominal, epoch: int, formal: Floats, noise: float) -> Floats:
     """Return the formal sigma of the innovations of `_present_rows`; noise: factor on the noise variance."""
-    model = prepared.model
-    signals = prepared.signals
+    model = prepared_case.model
+    signals = prepared_case.signals
     sigma = []
-    for row in _present_rows(prepared, epoch):
-        channel = channel_of(model, signals, epoch, row)
+    for row in _present_rows(prepared_case, epoch):
+        channel = receiver_channel(model, signals, epoch, row)
         n = model.n_entry[channel]
         entries = model.entry[channel, :n]
         states = model.column[channel, :n]
-        h = np.zeros(prepared.layout.n_state)
+        h = np.zeros(prepared_case.layout.n_state)
         h[states] = work.H[row, entries]
         noise_variance = noise * signals.variance[epoch, channel]
         variance = h @ formal @ h + noise_variance

@@ -14,7 +14,7 @@ from lvnav_trade.kernels import transition
 from lvnav_trade.kernels.attitude import from_rotation, multiply
 from lvnav_trade.kernels.transition import ACCEL, ATT, GYRO, POS, VEL
 from lvnav_trade.quantities.records import Floats
-from lvnav_trade.simulation.preparation.prepare import Prepared
+from lvnav_trade.simulation.preparation.prepare import PreparedCase
 
 _driver = getattr(transition.driver, "py_func", transition.driver)  # the formula itself, for arrays of ticks
 
@@ -36,19 +36,19 @@ def navigation(q: Floats, v: Floats, r: Floats, d: Floats) -> Floats:
     return np.concatenate([attitude, velocity, position])
 
 
-def navigation_at(prepared: Prepared, tick: int, d: Floats) -> Floats:
+def navigation_at(prepared_case: PreparedCase, tick: int, d: Floats) -> Floats:
     """Return the estimated navigation state (10,) with a given error at a tick, frame i.
 
     Parameters
     ----------
-    prepared
+    prepared_case
         Prepared case.
     tick
         Index of the tick.
     d
         (n_state,) SI. Error, truth minus estimate.
     """
-    reference = prepared.reference
+    reference = prepared_case.reference
     q = reference.q_b_i[tick]
     v = reference.v_i[tick]
     r = reference.r_i[tick]
@@ -69,25 +69,25 @@ class Inputs(NamedTuple):
     dt: float
 
 
-def inputs(prepared: Prepared, first: int, n_tick: int) -> Inputs:
+def inputs(prepared_case: PreparedCase, first: int, n_tick: int) -> Inputs:
     """Return the inputs of some ticks; they do not depend on the error of the estimate.
 
     Parameters
     ----------
-    prepared
+    prepared_case
         Prepared case.
     first, n_tick
         First tick, number of ticks.
     """
     ticks = slice(first, first + n_tick)
-    dt = prepared.unit.dt
-    reference = prepared.reference
+    dt = prepared_case.unit.dt
+    reference = prepared_case.reference
     true = np.hstack([reference.dtheta[ticks], reference.dvel[ticks]])
     angles = slice(0, 3)
     velocities = slice(3, 6)
     sensors = []
     for sensor, columns, other_columns in ((GYRO, angles, velocities), (ACCEL, velocities, angles)):
-        blocks = [block for block in prepared.layout.parameters if block.sensor == sensor]
+        blocks = [block for block in prepared_case.layout.parameters if block.sensor == sensor]
         if not blocks:
             continue
         own_input = true[:, columns] / dt
@@ -104,7 +104,7 @@ def inputs(prepared: Prepared, first: int, n_tick: int) -> Inputs:
     return Inputs(true, tuple(sensors), dt)
 
 
-def compensated(inputs: Inputs, d: Floats) -> Floats:
+def compensate_increments(inputs: Inputs, d: Floats) -> Floats:
     """Return increments (n_tick, 6) compensated with parameters in error by d: true increments plus residual errors."""
     true = inputs.true
     result = true.copy()
@@ -116,34 +116,34 @@ def compensated(inputs: Inputs, d: Floats) -> Floats:
     return result
 
 
-def increments(prepared: Prepared, first: int, n_tick: int, d: Floats) -> Floats:
+def increments(prepared_case: PreparedCase, first: int, n_tick: int, d: Floats) -> Floats:
     """Return increments (n_tick, 6) rad and m/s, body axes, compensated with parameters in error.
 
     Parameters
     ----------
-    prepared
+    prepared_case
         Prepared case.
     first, n_tick
         First tick, number of ticks.
     d
         (n_state,) SI. Error, truth minus estimate.
     """
-    true_inputs = inputs(prepared, first, n_tick)
-    return compensated(true_inputs, d)
+    true_inputs = inputs(prepared_case, first, n_tick)
+    return compensate_increments(true_inputs, d)
 
 
-def tick_at(prepared: Prepared, time: float) -> int:
+def tick_at(prepared_case: PreparedCase, time: float) -> int:
     """Return the tick nearest to a time (s)."""
-    distance = np.abs(prepared.reference.t - time)
+    distance = np.abs(prepared_case.reference.t - time)
     return int(np.argmin(distance))
 
 
-def place(prepared: Prepared, work: Nominal, epoch: int, d: Floats, time: float | None = None) -> None:
+def place(prepared_case: PreparedCase, work: Nominal, epoch: int, d: Floats, time: float | None = None) -> None:
     """Set the estimate in `work` to the truth minus an error.
 
     Parameters
     ----------
-    prepared
+    prepared_case
         Prepared case.
     work
         Arrays of the nominal run; navigation state, increments, clock, extra states and antennas are set.
@@ -154,13 +154,13 @@ def place(prepared: Prepared, work: Nominal, epoch: int, d: Floats, time: float 
     time
         s since lift-off. Time of the truth; None: that of the epoch.
     """
-    model = prepared.model
-    dt = prepared.unit.dt
-    time_of_truth = prepared.t_epoch[epoch] if time is None else time
-    tick = tick_at(prepared, time_of_truth)
+    model = prepared_case.model
+    dt = prepared_case.unit.dt
+    time_of_truth = prepared_case.t_epoch[epoch] if time is None else time
+    tick = tick_at(prepared_case, time_of_truth)
     previous_tick = max(0, tick - 1)
-    previous_increments = increments(prepared, previous_tick, 1, d)[0]
-    work.nav[:] = navigation_at(prepared, tick, d)
+    previous_increments = increments(prepared_case, previous_tick, 1, d)[0]
+    work.nav[:] = navigation_at(prepared_case, tick, d)
     work.previous[:] = previous_increments
     work.clock_hat[:] = 0.0
     if model.clock >= 0:
@@ -171,14 +171,14 @@ def place(prepared: Prepared, work: Nominal, epoch: int, d: Floats, time: float 
     place_antenna(work, None, None, model, dt, epoch)
 
 
-def place_previous_epoch(prepared: Prepared, work: Nominal, epoch: int, d: Floats) -> PreviousEpoch | None:
+def place_previous_epoch(prepared_case: PreparedCase, work: Nominal, epoch: int, d: Floats) -> PreviousEpoch | None:
     """Return the stored estimate of the previous epoch, with the error of the clones.
 
     The navigation state of `work` is changed.
 
     Parameters
     ----------
-    prepared
+    prepared_case
         Prepared case.
     work
         Arrays of the nominal run.
@@ -192,14 +192,14 @@ def place_previous_epoch(prepared: Prepared, work: Nominal, epoch: int, d: Float
     PreviousEpoch or None
         None without differences of two epochs.
     """
-    model = prepared.model
-    delayed = prepared.options.delayed
-    previous_epoch = new_nominal_previous_epoch(prepared)
-    if delayed is None or previous_epoch is None:
+    model = prepared_case.model
+    differences = prepared_case.options.differences
+    previous_epoch = new_nominal_previous_epoch(prepared_case)
+    if differences is None or previous_epoch is None:
         return None
-    clones = delayed.clone + np.arange(delayed.cloned.size)
+    clones = differences.clone + np.arange(differences.cloned_states.size)
     error = np.zeros_like(d)
-    error[delayed.cloned] = d[clones]
-    place(prepared, work, max(0, epoch - 1), error)
-    store_estimate(work, previous_epoch, None, None, delayed, model, epoch)
+    error[differences.cloned_states] = d[clones]
+    place(prepared_case, work, max(0, epoch - 1), error)
+    store_estimate(work, previous_epoch, None, None, differences, model, epoch)
     return previous_epoch

@@ -13,7 +13,7 @@ from scipy.special import ndtr, ndtri
 from lvnav_trade.covariance.history import covariance
 from lvnav_trade.quantities.records import CovHistory, Floats, Ints, ProtectionRisks
 from lvnav_trade.quantities.state_layout import PROTECTED
-from lvnav_trade.simulation.preparation.prepare import Prepared
+from lvnav_trade.simulation.preparation.prepare import PreparedCase
 
 _HALVINGS = 60
 
@@ -23,24 +23,24 @@ class Protection(NamedTuple):
 
     t : (n_hist,) s since lift-off. History times.
     sigma : (n_hist, n_quantity, 3). Standard deviation in the filter's own covariance.
-    fault_free : (n_hist, n_quantity, 3). Protection level if no satellite fails.
+    fault_free_level : (n_hist, n_quantity, 3). Protection level if no satellite fails.
     level : (n_hist, n_quantity, 3). Protection level with satellite failures.
-    worst : (n_hist, n_quantity). Number in `satellites` of the failure with the largest level, -1 none.
+    worst_satellite : (n_hist, n_quantity). Number in `satellites` of the failure with the largest level, -1 none.
     satellites : (n_satellite,). Names of the satellites in use, each with a sub-filter without it.
     limits : (n_satellite, n_hist, n_quantity, 3). Alarm limit on the separation of the sub-filter.
-    apart : (n_satellite, n_hist, n_quantity, 3). Mean separation: mean error of the filter minus that of the sub-
+    separation : (n_satellite, n_hist, n_quantity, 3). Mean separation: mean error of the filter minus that of the sub-
         filter.
     alarms : Whether every run tests for alarms.
     """
 
     t: Floats
     sigma: Floats
-    fault_free: Floats
+    fault_free_level: Floats
     level: Floats
-    worst: Ints
+    worst_satellite: Ints
     satellites: tuple[str, ...]
     limits: Floats
-    apart: Floats
+    separation: Floats
     alarms: bool
 
 
@@ -65,7 +65,7 @@ def quantile(probability: float) -> float:
     return float(-ndtri(0.5 * probability))
 
 
-def thresholds(sigma: Floats, without: Floats, false_alarm: float) -> Floats:
+def thresholds(sigma: Floats, sub_filter_sigma: Floats, false_alarm: float) -> Floats:
     """Return the alarm limits of the separations between a filter and its sub-filters, (n_satellite, ...).
 
     For optimal filters Var(x_0 - x_k) = Var(x_k) - Var(x_0). The false-alarm probability of one axis is shared by all
@@ -73,23 +73,23 @@ def thresholds(sigma: Floats, without: Floats, false_alarm: float) -> Floats:
 
     Parameters
     ----------
-    sigma, without
+    sigma, sub_filter_sigma
         (...) and (n_satellite, ...). Sigma of the filter and of its sub-filters.
     false_alarm
         Probability of an alarm of any satellite, for one axis.
     """
-    separation_variance = without**2 - sigma**2
-    apart = np.sqrt(np.maximum(0.0, separation_variance))
-    n_satellite = max(1, len(without))
-    return np.asarray(apart * quantile(false_alarm / n_satellite))
+    separation_variance = sub_filter_sigma**2 - sigma**2
+    separation_sigma = np.sqrt(np.maximum(0.0, separation_variance))
+    n_satellite = max(1, len(sub_filter_sigma))
+    return np.asarray(separation_sigma * quantile(false_alarm / n_satellite))
 
 
-def protection_level(sigma: Floats, without: Floats, limits: Floats, risk: float, prior: float) -> Floats:
+def protection_level(sigma: Floats, sub_filter_sigma: Floats, limits: Floats, risk: float, prior: float) -> Floats:
     """Return the smallest L (...) with 2 Q(L / s_0) + prior sum_k 2 Q((L - T_k) / s_k) <= risk, by bisection.
 
     Parameters
     ----------
-    sigma, without
+    sigma, sub_filter_sigma
         (...) and (n_satellite, ...). Sigma s_0 of the filter and s_k of its sub-filters.
     limits
         (n_satellite, ...). Alarm limits T_k of the separations.
@@ -97,43 +97,43 @@ def protection_level(sigma: Floats, without: Floats, limits: Floats, risk: float
         Integrity risk, and prior probability that a satellite has failed.
     """
     # at this bound every probability of the sum is at most its share of the risk
-    share = risk / (1.0 + prior * len(without))
-    reach = quantile(share)
-    low = np.zeros(sigma.shape)
-    high = reach * sigma
-    if len(without):
-        bound = limits + reach * without
-        high = np.maximum(high, np.max(bound, axis=0))
+    share = risk / (1.0 + prior * len(sub_filter_sigma))
+    sigma_factor = quantile(share)
+    lower_level = np.zeros(sigma.shape)
+    upper_level = sigma_factor * sigma
+    if len(sub_filter_sigma):
+        bound = limits + sigma_factor * sub_filter_sigma
+        upper_level = np.maximum(upper_level, np.max(bound, axis=0))
     for _ in range(_HALVINGS):
-        middle = 0.5 * (low + high)
-        fault_free = exceedance_probability(middle, sigma)
-        faulty = exceedance_probability(middle - limits, without)
-        integrity_risk = fault_free + prior * np.sum(faulty, axis=0)
+        middle_level = 0.5 * (lower_level + upper_level)
+        fault_free_probability = exceedance_probability(middle_level, sigma)
+        fault_probability = exceedance_probability(middle_level - limits, sub_filter_sigma)
+        integrity_risk = fault_free_probability + prior * np.sum(fault_probability, axis=0)
         is_too_low = integrity_risk > risk
-        low = np.where(is_too_low, middle, low)
-        high = np.where(is_too_low, high, middle)
-    return np.asarray(high)
+        lower_level = np.where(is_too_low, middle_level, lower_level)
+        upper_level = np.where(is_too_low, upper_level, middle_level)
+    return np.asarray(upper_level)
 
 
-def without_satellite(prepared: Prepared, satellite: int) -> Prepared:
+def exclude_satellite(prepared_case: PreparedCase, satellite: int) -> PreparedCase:
     """Return the case with a filter that does not use a satellite; truth and draws are unchanged."""
-    model = prepared.model
-    n_kind = model.n_kind
-    measured = model.measured.copy()
-    first = n_kind * satellite
-    measured[first : n_kind * (satellite + 1)] = False
-    return prepared._replace(model=model._replace(measured=measured))
+    model = prepared_case.model
+    n_observable = model.n_observable
+    is_processed = model.is_processed.copy()
+    first = n_observable * satellite
+    is_processed[first : n_observable * (satellite + 1)] = False
+    return prepared_case._replace(model=model._replace(is_processed=is_processed))
 
 
-def columns_of(prepared: Prepared) -> list[list[int]]:
+def output_columns(prepared_case: PreparedCase) -> list[list[int]]:
     """Return the columns of the outputs of position and of velocity, by axis."""
     columns = []
     for name in PROTECTED:
-        columns.append([k for k, output in enumerate(prepared.outputs) if output.quantity == name])
+        columns.append([k for k, output in enumerate(prepared_case.outputs) if output.quantity == name])
     return columns
 
 
-def protection(prepared: Prepared, history: CovHistory, risks: ProtectionRisks) -> Protection:
+def protection(prepared_case: PreparedCase, history: CovHistory, risks: ProtectionRisks) -> Protection:
     """Return the protection levels of a case, by one linear covariance for every satellite that its filter uses.
 
     Integrity risk and false-alarm probability are divided equally between the three axes of position and of velocity,
@@ -141,50 +141,50 @@ def protection(prepared: Prepared, history: CovHistory, risks: ProtectionRisks) 
 
     Parameters
     ----------
-    prepared
+    prepared_case
         Prepared case.
     history
         Linear covariance of the case.
     risks
         Integrity risk, false-alarm probability, prior probability of a satellite fault.
     """
-    columns = columns_of(prepared)
-    in_use = prepared.signals.used
-    satellites = np.unique(in_use[in_use >= 0]).tolist()
+    columns = output_columns(prepared_case)
+    satellite_numbers = prepared_case.signals.satellite_by_slot
+    satellites = np.unique(satellite_numbers[satellite_numbers >= 0]).tolist()
     n_axis = sum(len(axes) for axes in columns)
     risk = risks.integrity_risk / n_axis
     false_alarm = risks.false_alarm / n_axis
-    sigma = history.formal[:, columns]
+    sigma = history.formal_sigma[:, columns]
     mean = history.mean[:, columns]
-    without = np.zeros((len(satellites), *sigma.shape))
-    separation = np.zeros_like(without)
+    sub_filter_sigma = np.zeros((len(satellites), *sigma.shape))
+    separation = np.zeros_like(sub_filter_sigma)
     for k, satellite in enumerate(satellites):
-        sub_filter = covariance(without_satellite(prepared, satellite))
+        sub_filter = covariance(exclude_satellite(prepared_case, satellite))
         # with fewer measurements the sigma is not smaller; rounding may make it so
-        without[k] = np.maximum(sub_filter.formal[:, columns], sigma)
+        sub_filter_sigma[k] = np.maximum(sub_filter.formal_sigma[:, columns], sigma)
         separation[k] = mean - sub_filter.mean[:, columns]
-    limits = thresholds(sigma, without, false_alarm)
-    level = protection_level(sigma, without, limits, risk, risks.satellite_fault)
+    limits = thresholds(sigma, sub_filter_sigma, false_alarm)
+    level = protection_level(sigma, sub_filter_sigma, limits, risk, risks.satellite_fault)
     return Protection(
         t=history.t,
         sigma=sigma,
-        fault_free=quantile(risk) * sigma,
+        fault_free_level=quantile(risk) * sigma,
         level=level,
-        worst=_worst_failures(sigma, without, limits, risk),
-        satellites=tuple(prepared.sky.names[satellite] for satellite in satellites),
+        worst_satellite=_worst_failures(sigma, sub_filter_sigma, limits, risk),
+        satellites=tuple(prepared_case.sky.names[satellite] for satellite in satellites),
         limits=limits,
-        apart=separation,
+        separation=separation,
         alarms=risks.alarms,
     )
 
 
-def _worst_failures(sigma: Floats, without: Floats, limits: Floats, risk: float) -> Ints:
+def _worst_failures(sigma: Floats, sub_filter_sigma: Floats, limits: Floats, risk: float) -> Ints:
     """Return the satellite whose failure has the largest level, (n_hist, n_quantity); -1 if no sub-filter is worse."""
-    if not len(without):
+    if not len(sub_filter_sigma):
         return np.full(sigma.shape[:2], -1)
-    bound = limits + quantile(risk) * without
+    bound = limits + quantile(risk) * sub_filter_sigma
     level = np.linalg.norm(bound, axis=-1)
     rounded_sigma = sigma * (1.0 + 1e-9)
-    is_none_worse = np.all(without <= rounded_sigma, axis=(0, -1))
-    largest = np.argmax(level, axis=0)
-    return np.where(is_none_worse, -1, largest)
+    is_none_worse = np.all(sub_filter_sigma <= rounded_sigma, axis=(0, -1))
+    worst_satellite = np.argmax(level, axis=0)
+    return np.where(is_none_worse, -1, worst_satellite)

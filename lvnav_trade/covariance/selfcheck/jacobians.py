@@ -10,7 +10,14 @@ from lvnav_trade.covariance.diagnostics.perturbed_estimate import increments, pl
 from lvnav_trade.covariance.selfcheck.check import CheckResult
 from lvnav_trade.covariance.selfcheck.state_checks import sizes
 from lvnav_trade.covariance.workspace import Nominal, new_nominal
-from lvnav_trade.filter.ekf import channel_of, fill_receiver, fill_sensor, n_measured, place_antenna, row_of
+from lvnav_trade.filter.ekf import (
+    fill_receiver,
+    fill_sensor,
+    place_antenna,
+    receiver_channel,
+    receiver_row_count,
+    sensor_row,
+)
 from lvnav_trade.filter.policies.epoch_differences import is_present
 from lvnav_trade.filter.states import TYPES
 from lvnav_trade.kernels.transition import CONSTANT, GYRO
@@ -18,13 +25,13 @@ from lvnav_trade.kernels.vehicle import N_SAMPLE, fill_samples
 from lvnav_trade.quantities.records import Bools, Floats, Ints
 from lvnav_trade.quantities.state_layout import state_names
 from lvnav_trade.sensors.family import measure
-from lvnav_trade.simulation.preparation.prepare import Prepared
+from lvnav_trade.simulation.preparation.prepare import PreparedCase
 
 EPOCHS = 5
 """Number of epochs of the flight at which each measurement is checked."""
-ALLOWED = 1e-3
+TOLERANCE = 1e-3
 """Largest relative difference of an entry; differences of ranges of 2e7 m have rounding errors."""
-LEAST = 1e-6
+NEGLIGIBLE_FRACTION = 1e-6
 """Fraction of the largest entry of a row, in steps of the differences, below which entries are negligible."""
 
 
@@ -41,45 +48,45 @@ class EpochMeasurements(NamedTuple):
     z: Floats
 
 
-RowsAt = Callable[[Prepared, Nominal, int, Floats], EpochMeasurements]
+RowsAt = Callable[[PreparedCase, Nominal, int, Floats], EpochMeasurements]
 
 
-def jacobians(prepared: Prepared) -> list[CheckResult]:
+def jacobians(prepared_case: PreparedCase) -> list[CheckResult]:
     """Return a check for each measurement of the filter, with state and time of its figure.
 
     The figure is the largest relative difference between an entry of its Jacobian and the central difference of the
     prediction.
     """
-    size = sizes(prepared)
+    size = sizes(prepared_case)
     n_state = size.size
-    names = state_names(prepared.layout)
-    work = new_nominal(prepared)
+    names = state_names(prepared_case.layout)
+    work = new_nominal(prepared_case)
     quantities = np.array([name.partition(" ")[0] for name in names])
     groups = quantities[:, None] == quantities
     worst: dict[str, tuple[float, str]] = {}
-    for epoch, rows_at in _checked_epochs(prepared):
+    for epoch, rows_at in _checked_epochs(prepared_case):
         no_error = np.zeros(n_state)
-        nominal = rows_at(prepared, work, epoch, no_error)
+        nominal = rows_at(prepared_case, work, epoch, no_error)
         differences = np.empty_like(nominal.H)
         for state in range(n_state):
             d = np.zeros(n_state)
             d[state] = size[state]
-            plus = rows_at(prepared, work, epoch, d).z
-            minus = rows_at(prepared, work, epoch, -d).z
+            plus = rows_at(prepared_case, work, epoch, d).z
+            minus = rows_at(prepared_case, work, epoch, -d).z
             differences[:, state] = (plus - minus) / 2.0
         deviations, states = _deviations(nominal.H * size, differences, groups)
         for row, measurement in enumerate(nominal.names):
             deviation = float(deviations[row])
             largest, _ = worst.get(measurement, (-1.0, ""))
             if not deviation <= largest:  # also if the deviation is not a number
-                where = f"{names[states[row]]} at {prepared.t_epoch[epoch]:g} s"
-                worst[measurement] = (deviation, where)
+                remark = f"{names[states[row]]} at {prepared_case.t_epoch[epoch]:g} s"
+                worst[measurement] = (deviation, remark)
     checks = []
-    for name, (deviation, where) in worst.items():
-        checks.append(CheckResult("Jacobian", name, deviation, high=ALLOWED, where=where))
-    if prepared.options.vehicle is not None:
-        checks += _sample_checks(prepared)
-    for name in prepared.scenario.filter.measurements:
+    for name, (deviation, remark) in worst.items():
+        checks.append(CheckResult("Jacobian", name, deviation, upper_limit=TOLERANCE, remark=remark))
+    if prepared_case.options.vehicle is not None:
+        checks += _sample_checks(prepared_case)
+    for name in prepared_case.scenario.filter.measurements:
         if name in TYPES and name not in worst:
             checks.append(CheckResult("Jacobian", name, reason="it measures at no epoch of this flight"))
     return checks
@@ -102,23 +109,24 @@ def _deviations(rows: Floats, differences: Floats, groups: Bools) -> tuple[Float
     magnitude_of_group = np.where(groups, magnitude[:, None, :], 0.0)
     largest_of_quantity = np.max(magnitude_of_group, axis=2)
     largest_of_row = magnitude.max(axis=1, keepdims=True)
-    least = LEAST * largest_of_row + np.finfo(float).tiny
-    scale = np.maximum(largest_of_quantity, least)
+    min_scale = NEGLIGIBLE_FRACTION * largest_of_row + np.finfo(float).tiny
+    scale = np.maximum(largest_of_quantity, min_scale)
     relative = np.abs(rows - differences) / scale
     return relative.max(axis=1), relative.argmax(axis=1)
 
 
-def _checked_epochs(prepared: Prepared) -> Iterator[tuple[int, RowsAt]]:
+def _checked_epochs(prepared_case: PreparedCase) -> Iterator[tuple[int, RowsAt]]:
     """Yield epochs with a function that returns their measurements: of the receiver, then of each sensor."""
-    model = prepared.model
-    signals = prepared.signals
-    measured = [epoch for epoch in range(prepared.t_epoch.size) if n_measured(model, signals, epoch) > 0]
-    for epoch in _spread(np.array(measured, dtype=np.int64)):
+    model = prepared_case.model
+    signals = prepared_case.signals
+    n_epoch = prepared_case.t_epoch.size
+    measurement_epochs = [epoch for epoch in range(n_epoch) if receiver_row_count(model, signals, epoch) > 0]
+    for epoch in _spread(np.array(measurement_epochs, dtype=np.int64)):
         yield epoch, _receiver_rows
-    for k, device in enumerate(prepared.devices):
-        first_channel = prepared.channels.first[k]
-        if model.measured[first_channel]:
-            for epoch in _spread(np.flatnonzero(device.on)):
+    for k, device in enumerate(prepared_case.devices):
+        first_channel = prepared_case.channels.first_channels[k]
+        if model.is_processed[first_channel]:
+            for epoch in _spread(np.flatnonzero(device.is_measuring)):
                 yield epoch, partial(_sensor_rows, k)
 
 
@@ -128,11 +136,11 @@ def _spread(epochs: Ints) -> list[int]:
         return []
     last = epochs.size - 1
     places = np.linspace(0, last, EPOCHS).astype(int)
-    chosen = epochs[places]
-    return sorted({int(epoch) for epoch in chosen})
+    selected_epochs = epochs[places]
+    return sorted({int(epoch) for epoch in selected_epochs})
 
 
-def _estimate(prepared: Prepared, work: Nominal, epoch: int, d: Floats, time: float | None = None) -> None:
+def _estimate(prepared_case: PreparedCase, work: Nominal, epoch: int, d: Floats, time: float | None = None) -> None:
     """Set the estimate to the truth minus an error.
 
     The body rate, which moves the antenna, depends on the gyro bias or on the rate state only: Jacobian rows neglect
@@ -140,7 +148,7 @@ def _estimate(prepared: Prepared, work: Nominal, epoch: int, d: Floats, time: fl
 
     Parameters
     ----------
-    prepared
+    prepared_case
         Prepared case.
     work
         Arrays of the nominal run, set here.
@@ -152,44 +160,44 @@ def _estimate(prepared: Prepared, work: Nominal, epoch: int, d: Floats, time: fl
         s since lift-off. Time of the truth; None: that of the epoch.
     """
     error = d.copy()
-    motion = prepared.layout.motion
-    dt = prepared.unit.dt
-    for block in prepared.layout.parameters:
+    motion = prepared_case.layout.motion
+    dt = prepared_case.unit.dt
+    for block in prepared_case.layout.parameters:
         is_gyro_bias = block.sensor == GYRO and block.driver == CONSTANT
         if not is_gyro_bias or motion >= 0:
             states = slice(block.offset, block.offset + 3)
             error[states] = 0.0
-    place(prepared, work, epoch, error, time)
+    place(prepared_case, work, epoch, error, time)
     if motion >= 0:
         rate_error = d[motion : motion + 3]
         work.previous[:3] -= dt * rate_error
-        place_antenna(work, None, None, prepared.model, dt, epoch)
+        place_antenna(work, None, None, prepared_case.model, dt, epoch)
 
 
-def _receiver_rows(prepared: Prepared, work: Nominal, epoch: int, d: Floats) -> EpochMeasurements:
+def _receiver_rows(prepared_case: PreparedCase, work: Nominal, epoch: int, d: Floats) -> EpochMeasurements:
     """Return the scalar measurements of the receiver that the filter processes."""
-    model = prepared.model
-    signals = prepared.signals
-    delayed = prepared.options.delayed
-    previous_epoch = place_previous_epoch(prepared, work, epoch, d)
-    _estimate(prepared, work, epoch, d)
-    fill_receiver(work, previous_epoch, delayed, model, signals, epoch)
+    model = prepared_case.model
+    signals = prepared_case.signals
+    differences = prepared_case.options.differences
+    previous_epoch = place_previous_epoch(prepared_case, work, epoch, d)
+    _estimate(prepared_case, work, epoch, d)
+    fill_receiver(work, previous_epoch, differences, model, signals, epoch)
     rows = []
-    for row in range(n_measured(model, signals, epoch)):
-        channel = channel_of(model, signals, epoch, row)
-        if is_present(delayed, model, epoch, channel):
+    for row in range(receiver_row_count(model, signals, epoch)):
+        channel = receiver_channel(model, signals, epoch, row)
+        if is_present(differences, model, epoch, channel):
             rows.append((row, channel))
-    return _dense_rows(prepared, work, rows)
+    return _dense_rows(prepared_case, work, rows)
 
 
-def _sensor_rows(k: int, prepared: Prepared, work: Nominal, epoch: int, d: Floats) -> EpochMeasurements:
+def _sensor_rows(k: int, prepared_case: PreparedCase, work: Nominal, epoch: int, d: Floats) -> EpochMeasurements:
     """Return the measurements of a sensor, which measures the truth at the time of validity in the filter.
 
     Parameters
     ----------
     k
         Index of the sensor.
-    prepared
+    prepared_case
         Prepared case.
     work
         Arrays of the nominal run, set here.
@@ -198,64 +206,64 @@ def _sensor_rows(k: int, prepared: Prepared, work: Nominal, epoch: int, d: Float
     d
         (n_state,) SI. Error of the estimate, truth minus estimate.
     """
-    model = prepared.model
-    sensors = prepared.sensors
+    model = prepared_case.model
+    sensors = prepared_case.sensors
     assert sensors is not None  # the case has this sensor
     first_channel = sensors.channel[k]
-    first_row = row_of(model, work, first_channel)
-    delay = prepared.devices[k].delay[epoch]
-    time_of_validity = prepared.t_epoch[epoch] - delay
-    _estimate(prepared, work, epoch, d, time_of_validity)
+    first_row = sensor_row(model, work, first_channel)
+    delay = prepared_case.devices[k].delay[epoch]
+    time_of_validity = prepared_case.t_epoch[epoch] - delay
+    _estimate(prepared_case, work, epoch, d, time_of_validity)
     truth = sensors.truth[k, epoch]
-    measure(work.observed[k], sensors.code[k], truth, 0.0, 0.0, 0.0)
-    fill_sensor(work, None, None, model, prepared.signals, sensors, k, epoch)
+    measure(work.sensor_measurements[k], sensors.code[k], truth, 0.0, 0.0, 0.0)
+    fill_sensor(work, None, None, model, prepared_case.signals, sensors, k, epoch)
     rows = [(first_row + i, first_channel + i) for i in range(sensors.scalars[k])]
-    return _dense_rows(prepared, work, rows)
+    return _dense_rows(prepared_case, work, rows)
 
 
-def _dense_rows(prepared: Prepared, work: Nominal, rows: list[tuple[int, int]]) -> EpochMeasurements:
+def _dense_rows(prepared_case: PreparedCase, work: Nominal, rows: list[tuple[int, int]]) -> EpochMeasurements:
     """Return rows, given with their channels, as dense Jacobian rows."""
-    model = prepared.model
+    model = prepared_case.model
     names_by_type = {number: name for name, number in TYPES.items()}
-    H = np.zeros((len(rows), prepared.layout.n_state))
+    H = np.zeros((len(rows), prepared_case.layout.n_state))
     names = []
     for dense_row, (row, channel) in zip(H, rows, strict=True):
         n = model.n_entry[channel]
         entries = model.entry[channel, :n]
         states = model.column[channel, :n]
         dense_row[states] = work.H[row, entries]
-        row_type = int(model.row_type[channel])
-        names.append(names_by_type[row_type])
+        channel_type = int(model.channel_type[channel])
+        names.append(names_by_type[channel_type])
     row_numbers = [row for row, _ in rows]
     z = work.z[row_numbers].copy()
     return EpochMeasurements(tuple(names), H, z)
 
 
-def _sample_checks(prepared: Prepared) -> list[CheckResult]:
+def _sample_checks(prepared_case: PreparedCase) -> list[CheckResult]:
     """Return the check of the Jacobian of IMU samples, against the increments of an IMU with such parameters."""
-    size = sizes(prepared)
-    t = prepared.reference.t
-    worst, where = 0.0, ""
+    size = sizes(prepared_case)
+    t = prepared_case.reference.t
+    worst, remark = 0.0, ""
     for time in np.linspace(t[0], t[-1], EPOCHS + 2)[1:-1]:
-        tick = tick_at(prepared, time)
-        H = _sample_jacobian(prepared, tick)
-        differences = _sample_differences(prepared, tick, size)
+        tick = tick_at(prepared_case, time)
+        H = _sample_jacobian(prepared_case, tick)
+        differences = _sample_differences(prepared_case, tick, size)
         difference = np.abs((H - differences) * size).max(axis=1)
         largest_entry = np.abs(H * size).max(axis=1)
         deviation = (difference / largest_entry).max()
         if deviation >= worst:
             worst = float(deviation)
-            where = f"{time:.0f} s"
-    return [CheckResult("Jacobian", "imu", worst, high=ALLOWED, where=where)]
+            remark = f"{time:.0f} s"
+    return [CheckResult("Jacobian", "imu", worst, upper_limit=TOLERANCE, remark=remark)]
 
 
-def _sample_jacobian(prepared: Prepared, tick: int) -> Floats:
+def _sample_jacobian(prepared_case: PreparedCase, tick: int) -> Floats:
     """Return the Jacobian (6, n_state) of the IMU samples of a tick."""
-    vehicle = prepared.options.vehicle
-    reference = prepared.reference
-    dt = prepared.unit.dt
+    vehicle = prepared_case.options.vehicle
+    reference = prepared_case.reference
+    dt = prepared_case.unit.dt
     n_entry = vehicle.columns.shape[1]
-    H = np.zeros((N_SAMPLE, prepared.layout.n_state))
+    H = np.zeros((N_SAMPLE, prepared_case.layout.n_state))
     h = np.zeros((N_SAMPLE, n_entry))
     rate = reference.dtheta[tick] / dt
     force = reference.dvel[tick] / dt
@@ -265,10 +273,10 @@ def _sample_jacobian(prepared: Prepared, tick: int) -> Floats:
     return H
 
 
-def _sample_differences(prepared: Prepared, tick: int, size: Floats) -> Floats:
+def _sample_differences(prepared_case: PreparedCase, tick: int, size: Floats) -> Floats:
     """Return the central differences (6, n_state) of the IMU samples of a tick, for errors of these sizes."""
-    layout = prepared.layout
-    dt = prepared.unit.dt
+    layout = prepared_case.layout
+    dt = prepared_case.unit.dt
     motion = slice(layout.motion, layout.motion + N_SAMPLE)
     differences = np.zeros((N_SAMPLE, layout.n_state))
     differences[:, motion] = np.eye(N_SAMPLE)
@@ -276,7 +284,7 @@ def _sample_differences(prepared: Prepared, tick: int, size: Floats) -> Floats:
         for state in range(block.offset, block.offset + 3):
             d = np.zeros(layout.n_state)
             d[state] = size[state]
-            plus = increments(prepared, tick, 1, d)[0]
-            minus = increments(prepared, tick, 1, -d)[0]
+            plus = increments(prepared_case, tick, 1, d)[0]
+            minus = increments(prepared_case, tick, 1, -d)[0]
             differences[:, state] = (plus - minus) / (2.0 * dt * size[state])
     return differences

@@ -61,8 +61,8 @@ def declaration_lines(declarations: Any, text: str) -> list[str]:
             arrays.append(declaration)
     lines = []
     for number_type, names in numbers.items():
-        wrapped = textwrap.wrap(f"{number_type} {', '.join(names)}", WIDTH - 4, subsequent_indent="        ")
-        lines.append("\n    ".join(wrapped))  # a wrapped declaration counts as one line
+        wrapped_lines = textwrap.wrap(f"{number_type} {', '.join(names)}", WIDTH - 4, subsequent_indent="        ")
+        lines.append("\n    ".join(wrapped_lines))  # a wrapped declaration counts as one line
     return lines + arrays
 
 
@@ -72,16 +72,16 @@ def static_text(text: str) -> str:
     return f"{text[:start]}static {text[start:]}"
 
 
-def struct_line(name: str, kinds: tuple[str, ...]) -> str:
+def struct_line(name: str, c_types: tuple[str, ...]) -> str:
     """Return the definition of a struct of numbers, which a function returns."""
-    fields = [f"{number_type} v{i};" for i, number_type in enumerate(kinds)]
+    fields = [f"{number_type} v{i};" for i, number_type in enumerate(c_types)]
     return f"struct {name} {{ {' '.join(fields)} }};"
 
 
 def table_text(name: str, array: Array) -> str:
     """Return the definition of a constant table."""
     sizes = "".join(f"[{size_of(size)}]" for size in array.sizes)
-    return f"static const {array.kind} {name}{sizes} = {_initialiser(array.value)};"
+    return f"static const {array.c_type} {name}{sizes} = {_initialiser(array.value)};"
 
 
 def _initialiser(content: np.ndarray) -> str:

@@ -29,7 +29,7 @@ from lvnav_trade.export.translation.values import (
 class Owner(Protocol):
     """Interface of the program for which kernels are translated."""
 
-    def known(self, value: Any, label: str) -> Value:
+    def global_value(self, value: Any, label: str) -> Value:
         """Return a global of a kernel's module."""
         ...
 
@@ -38,12 +38,12 @@ class Owner(Protocol):
         ...
 
     def call(
-        self, body: Any, node: ast.Call, function: Any, arguments: list[Value], named: Mapping[str, Value]
+        self, body: Any, node: ast.Call, function: Any, arguments: list[Value], keywords: Mapping[str, Value]
     ) -> Value:
         """Return the result of a kernel called from another kernel."""
         ...
 
-    def return_line(self, found: Value, returned: list[Value]) -> str:
+    def return_line(self, value: Value, return_values: list[Value]) -> str:
         """Return the statement that returns a value."""
         ...
 
@@ -63,7 +63,7 @@ class Expressions:
         self.lines: list[str] = []
         self.indent = 1
         self.locals: dict[str, str] = {}
-        self.read: set[str] = set()
+        self.read_names: set[str] = set()
         self.n_temporary = 0
 
     # ------------------------------------------------------------------------------------------ helpers
@@ -79,10 +79,10 @@ class Expressions:
         self.locals[name] = declaration.format(name)
         return name
 
-    def fail(self, node: ast.AST, why: str) -> TranslationError:
+    def fail(self, node: ast.AST, reason: str) -> TranslationError:
         """Return an error with its location in the source of the kernel."""
         location = f"{self.function.__module__}.{self.function.__name__}"
-        return TranslationError(f"{location}, line {getattr(node, 'lineno', 0)}: {why}: {ast.unparse(node)}")
+        return TranslationError(f"{location}, line {getattr(node, 'lineno', 0)}: {reason}: {ast.unparse(node)}")
 
     # -------------------------------------------------------------------------------------- expressions
 
@@ -98,12 +98,12 @@ class Expressions:
         return Constant(node.value)
 
     def _name(self, node: ast.Name) -> Value:
-        self.read.add(node.id)
+        self.read_names.add(node.id)
         if node.id in self.names:
             return self.names[node.id]
         scope = self.function.__globals__
         if node.id in scope:
-            return self.program.known(scope[node.id], f"{self.function.__module__.rpartition('.')[2]}_{node.id}")
+            return self.program.global_value(scope[node.id], f"{self.function.__module__.rpartition('.')[2]}_{node.id}")
         if hasattr(builtins, node.id):
             return Constant(getattr(builtins, node.id))
         raise self.fail(node, "no such name")
@@ -118,7 +118,7 @@ class Expressions:
             return TupleValue(tuple(map(self._size, base.shape)))
         if isinstance(base, Constant):
             owner = getattr(base.value, "__name__", "").rpartition(".")[2]
-            return self.program.known(getattr(base.value, node.attr), f"{owner}_{node.attr}")
+            return self.program.global_value(getattr(base.value, node.attr), f"{owner}_{node.attr}")
         raise self.fail(node, "no field is known")
 
     def _tuple(self, node: ast.Tuple) -> Value:
@@ -146,18 +146,18 @@ class Expressions:
             operands.append(operand)
             if isinstance(operand, Constant) and bool(operand.value) == any_of:
                 break  # the following operands are not evaluated
-        return operators.joined(operands, any_of)
+        return operators.combine_conditions(operands, any_of)
 
     def _compare(self, node: ast.Compare) -> Value:
         comparisons: list[Value] = []
         left_operand = self.value(node.left)
         for comparator, item in zip(node.ops, node.comparators, strict=True):
             right_operand = self.value(item)
-            comparisons.append(operators.compared(comparator, left_operand, right_operand))
+            comparisons.append(operators.comparison(comparator, left_operand, right_operand))
             left_operand = right_operand
         if len(comparisons) == 1:
             return comparisons[0]
-        return operators.joined(comparisons, any_of=False)
+        return operators.combine_conditions(comparisons, any_of=False)
 
     def _ifexp(self, node: ast.IfExp) -> Value:
         condition = self.value(node.test)
@@ -176,17 +176,17 @@ class Expressions:
         first_items = self.items(first)
         second_items = self.items(second)
         if first_items is None or second_items is None or len(first_items) != len(second_items):
-            return operators.chosen(condition, first, second)
-        items = [operators.chosen(condition, a, b) for a, b in zip(first_items, second_items, strict=True)]
+            return operators.conditional_value(condition, first, second)
+        items = [operators.conditional_value(condition, a, b) for a, b in zip(first_items, second_items, strict=True)]
         return TupleValue(tuple(items))
 
     @staticmethod
-    def items(found: Value) -> list[Value] | None:
+    def items(value: Value) -> list[Value] | None:
         """Return the values of a tuple; None for any other value."""
-        if isinstance(found, TupleValue):
-            return list(found.items)
-        if isinstance(found, Constant) and isinstance(found.value, tuple):
-            return [Constant(item) for item in found.value]
+        if isinstance(value, TupleValue):
+            return list(value.items)
+        if isinstance(value, Constant) and isinstance(value.value, tuple):
+            return [Constant(item) for item in value.value]
         return None
 
     def _call(self, node: ast.Call) -> Value:
@@ -197,7 +197,7 @@ class Expressions:
         keywords = {str(argument.arg): self.value(argument.value) for argument in node.keywords}
         if function.value is len:
             return self._length(node, arguments[0])
-        result = operators.called(function.value, arguments)
+        result = operators.function_result(function.value, arguments)
         return result if result is not None else self.program.call(self, node, function.value, arguments, keywords)
 
     def _length(self, node: ast.Call, value: Value) -> Value:
@@ -249,10 +249,10 @@ class Expressions:
         value = self._known_element(base, indices)
         n_axes = len(index_nodes)
         if base.shape[n_axes:]:
-            return Array(text, base.shape[n_axes:], base.kind, base.constant, base.rings[n_axes:], value)
+            return Array(text, base.shape[n_axes:], base.c_type, base.constant, base.rings[n_axes:], value)
         if value is not None:
             return Constant(np.asarray(value).item())
-        return Scalar(text if indices or not base.constant else f"*{text}", base.kind)
+        return Scalar(text if indices or not base.constant else f"*{text}", base.c_type)
 
     @staticmethod
     def _from_start(index: Value, length: int | Scalar) -> Value:
@@ -297,15 +297,15 @@ class Expressions:
         if start != "0":
             text = f"&{text}[{start}]"
         length = size.value if isinstance(size, Constant) else as_scalar(size)
-        return Array(text, (length,), base.kind, base.constant)
+        return Array(text, (length,), base.c_type, base.constant)
 
     @staticmethod
     def _size(size: int | Scalar) -> Value:
         return size if isinstance(size, Scalar) else Constant(size)
 
-    def as_array(self, several: TupleValue, stem: str) -> Array:
+    def as_array(self, value: TupleValue, stem: str) -> Array:
         """Return a tuple of numbers as a local array."""
-        numbers = [as_scalar(item) for item in several.items]
+        numbers = [as_scalar(item) for item in value.items]
         number_type = operators.common_type(numbers)
         name = self.temporary(f"{number_type} {{}}[{len(numbers)}]", stem)
         for k, number in enumerate(numbers):

@@ -56,18 +56,18 @@ class TranslatedKernel(NamedTuple):
     parameters : Declarations of the parameters by their name in the kernel.
     text : Text of the function.
     returns : Return type.
-    kinds : C types of the returned numbers.
+    c_types : C types of the returned numbers.
     constant : Returned value, if the function does nothing else; otherwise None.
-    acts : Whether the function has an effect.
+    has_statements : Whether the function has statements; without any, calls are omitted.
     """
 
     name: str
     parameters: dict[str, str]
     text: str
     returns: str
-    kinds: tuple[str, ...]
+    c_types: tuple[str, ...]
     constant: Constant | None
-    acts: bool
+    has_statements: bool
 
 
 class Program:
@@ -85,7 +85,7 @@ class Program:
 
     # ---------------------------------------------------------------------------------------- constants
 
-    def known(self, value: Any, label: str) -> Value:
+    def global_value(self, value: Any, label: str) -> Value:
         """Return a global of a kernel's module: a number, a function, or a table."""
         if isinstance(value, np.ndarray):
             return self.table(label, Constant(tuple(value.tolist())) if value.ndim == 1 else value)
@@ -97,7 +97,7 @@ class Program:
         """Return a table of known numbers with a unique name; equal tables are stored once."""
         array = constant_array(label, content.value if isinstance(content, Constant) else content)
         for existing in self.tables.values():
-            if existing.text.startswith(label.strip("_").upper()) and _same(existing.value, array.value):
+            if existing.text.startswith(label.strip("_").upper()) and _is_equal_array(existing.value, array.value):
                 return existing
         name = label.strip("_").upper()  # local variables are never in capitals
         while name in self.tables:
@@ -108,7 +108,7 @@ class Program:
     # -------------------------------------------------------------------------------------------- calls
 
     def call(
-        self, body: Body | Any, node: ast.Call, function: Any, arguments: list[Value], named: Mapping[str, Value]
+        self, body: Body | Any, node: ast.Call, function: Any, arguments: list[Value], keywords: Mapping[str, Value]
     ) -> Value:
         """Return the result of a kernel called from the body of another.
 
@@ -120,7 +120,7 @@ class Program:
             The call.
         function : callable
             The kernel.
-        arguments, named
+        arguments, keywords
             Positional and keyword arguments.
 
         Returns
@@ -128,33 +128,35 @@ class Program:
         Value
             Constant if the result is known, otherwise a C expression or the numbers of a returned struct.
         """
-        bound_arguments = bound(function, arguments, named)
-        kernel = self.translated(function, bound_arguments)
+        bound_arguments = bind_arguments(function, arguments, keywords)
+        kernel = self.translated_kernel(function, bound_arguments)
         if kernel.constant is not None:
             return kernel.constant
-        if not kernel.acts:
+        if not kernel.has_statements:
             return Constant(None)
         texts = ["self"] if uses_self(kernel.text) else []
         for name in kernel.parameters:
-            texts.append(_passed(bound_arguments, name))
+            texts.append(_argument_text(bound_arguments, name))
         text = f"{kernel.name}({', '.join(texts)})"
         if kernel.returns == "void":
             return Scalar(text, "void")
-        if len(kernel.kinds) == 1 and not kernel.returns.startswith("struct"):
-            return Scalar(text, kernel.kinds[0])
+        if len(kernel.c_types) == 1 and not kernel.returns.startswith("struct"):
+            return Scalar(text, kernel.c_types[0])
         name = body.temporary(f"{kernel.returns} {{}}", "of")
         body.write(f"{name} = {text};")
-        numbers = [Scalar(f"{name}.v{i}", number_type) for i, number_type in enumerate(kernel.kinds)]
+        numbers = [Scalar(f"{name}.v{i}", number_type) for i, number_type in enumerate(kernel.c_types)]
         return TupleValue(tuple(numbers))
 
-    def translated(self, function: Any, given: dict[str, Value], name: str | None = None) -> TranslatedKernel:
+    def translated_kernel(
+        self, function: Any, arguments: dict[str, Value], name: str | None = None
+    ) -> TranslatedKernel:
         """Return a kernel for named arguments; it is translated at the first call with arguments of these types.
 
         Parameters
         ----------
         function : callable
             The kernel, compiled or not.
-        given : dict
+        arguments : dict
             Arguments by name.
         name : str, optional
             C name of an entry function; by default a new name is derived from that of the kernel.
@@ -167,26 +169,26 @@ class Program:
         python = getattr(function, "py_func", function)
         if not callable(python) or not hasattr(python, "__code__"):
             raise TranslationError(f"{function!r} is no kernel")
-        key = (python, tuple((argument, _signature(value)) for argument, value in given.items()))
+        key = (python, tuple((argument, _signature(value)) for argument, value in arguments.items()))
         if key not in self.functions:
-            self.functions[key] = self._translate(python, given, name)
+            self.functions[key] = self._translate(python, arguments, name)
         return self.functions[key]
 
-    def _translate(self, python: Callable[..., Any], given: dict[str, Value], name: str | None) -> TranslatedKernel:
+    def _translate(self, python: Callable[..., Any], arguments: dict[str, Value], name: str | None) -> TranslatedKernel:
         """Translate a kernel for arguments of given types.
 
         name : name of an entry function; None for a new name after the kernel
         """
         tree = ast.parse(textwrap.dedent(source_of(python))).body[0]
         assert isinstance(tree, ast.FunctionDef)
-        names, declarations = _parameters(given)
-        first = self._pass(python, tree, dict(names), None)
-        body = self._pass(python, tree, dict(names), first)
-        kinds, returns = self._returns(first.returned)
+        names, declarations = _parameters(arguments)
+        first_pass = self._pass(python, tree, dict(names), None)
+        body = self._pass(python, tree, dict(names), first_pass)
+        c_types, returns = self._returns(first_pass.return_values)
         constant = None
-        if len(body.lines) == 1 and len(body.returned) == 1 and isinstance(body.returned[0], Constant):
-            constant = body.returned[0]
-        body.lines = self._live(body)
+        if len(body.lines) == 1 and len(body.return_values) == 1 and isinstance(body.return_values[0], Constant):
+            constant = body.return_values[0]
+        body.lines = self._live_lines(body)
         text = "\n".join(body.lines)
         parameters = {
             parameter: declaration
@@ -206,9 +208,9 @@ class Program:
             parameters=parameters,
             text="\n".join(lines),
             returns=returns,
-            kinds=kinds,
+            c_types=c_types,
             constant=constant,
-            acts=bool(body.lines),
+            has_statements=bool(body.lines),
         )
 
     def _new_name(self, python: Callable[..., Any]) -> str:
@@ -217,8 +219,8 @@ class Program:
         self._names[stem] += 1
         return stem if self._names[stem] == 1 else f"{stem}_{self._names[stem]}"
 
-    def _pass(self, python: Any, tree: ast.FunctionDef, names: dict[str, Value], earlier: Body | None) -> Body:
-        body = Body(self, python, names, tree, earlier)
+    def _pass(self, python: Any, tree: ast.FunctionDef, names: dict[str, Value], first_pass: Body | None) -> Body:
+        body = Body(self, python, names, tree, first_pass)
         body.begin()
         try:
             body.block(tree.body)
@@ -228,15 +230,15 @@ class Program:
             raise TranslationError(f"{python.__module__}.{python.__name__}: {error}") from error
         return body
 
-    def _live(self, body: Body) -> list[str]:
+    def _live_lines(self, body: Body) -> list[str]:
         """Return the lines of a body without assignments to local variables that are never read; calls remain.
 
         An assignment may be the only reader of another variable, so this repeats until nothing changes.
         """
         lines = body.lines
-        previous: list[str] = []
-        while lines != previous:
-            previous = lines
+        previous_lines: list[str] = []
+        while lines != previous_lines:
+            previous_lines = lines
             for name in map(declared_name, body.locals.values()):
                 lines = self._without_assignments(lines, name)
         return lines
@@ -260,75 +262,75 @@ class Program:
 
     # ------------------------------------------------------------------------------------------ returns
 
-    def _returns(self, returned: list[Value]) -> tuple[tuple[str, ...], str]:
+    def _returns(self, return_values: list[Value]) -> tuple[tuple[str, ...], str]:
         """Return the C types of the returned numbers, and the return type in C."""
-        rows = [value.items if isinstance(value, TupleValue) else (value,) for value in returned]
+        rows = [value.items if isinstance(value, TupleValue) else (value,) for value in return_values]
         rows = [row for row in rows if row != (Constant(None),)]
         if not rows:
             return (), "void"
-        kinds = []
+        c_types = []
         for column in zip(*rows, strict=True):
-            number_types = {as_scalar(item).kind for item in column}
-            kinds.append(DOUBLE if DOUBLE in number_types else INT)
-        if len(kinds) == 1 and not any(isinstance(value, TupleValue) for value in returned):
-            return tuple(kinds), kinds[0]
-        label = "_".join(f"{number_type[0]}{len(list(run))}" for number_type, run in groupby(kinds))
-        self.tuples[f"numbers_{label}"] = tuple(kinds)
-        return tuple(kinds), f"struct numbers_{label}"
+            number_types = {as_scalar(item).c_type for item in column}
+            c_types.append(DOUBLE if DOUBLE in number_types else INT)
+        if len(c_types) == 1 and not any(isinstance(value, TupleValue) for value in return_values):
+            return tuple(c_types), c_types[0]
+        label = "_".join(f"{number_type[0]}{len(list(run))}" for number_type, run in groupby(c_types))
+        self.tuples[f"numbers_{label}"] = tuple(c_types)
+        return tuple(c_types), f"struct numbers_{label}"
 
-    def return_line(self, found: Value, returned: list[Value]) -> str:
+    def return_line(self, value: Value, return_values: list[Value]) -> str:
         """Return the statement that returns a value from a function with the given return values."""
-        if found == Constant(None):
+        if value == Constant(None):
             return "return;"
-        if not isinstance(found, TupleValue):
-            return f"return {as_scalar(found).text};"
-        _, returns = self._returns(returned)
-        items = ", ".join(as_scalar(item).text for item in found.items)
+        if not isinstance(value, TupleValue):
+            return f"return {as_scalar(value).text};"
+        _, returns = self._returns(return_values)
+        items = ", ".join(as_scalar(item).text for item in value.items)
         return f"return ({returns}){{{items}}};"
 
     # --------------------------------------------------------------------------------------------- text
 
     def text(self, entries: list[str]) -> str:
         """Return the C code of everything that the named functions need: types, tables, functions."""
-        required = self._required(entries)
+        required_names = self._required_names(entries)
         functions = []
         for function in self.functions.values():
             if function.name in entries:
                 functions.append(function.text)
-            elif function.name in required:
+            elif function.name in required_names:
                 functions.append(static_text(function.text))
         code = "\n\n\n".join(functions)
         words = set(re.findall(r"\w+", code))
-        types = [struct_line(name, kinds) for name, kinds in self.tuples.items() if name in words]
+        types = [struct_line(name, c_types) for name, c_types in self.tuples.items() if name in words]
         tables = [table_text(name, array) for name, array in self.tables.items() if name in words]
         sections = ["\n".join(types), "\n\n".join(tables), code]
         return "\n\n".join(section for section in sections if section) + "\n"
 
-    def _required(self, entries: list[str]) -> set[str]:
+    def _required_names(self, entries: list[str]) -> set[str]:
         """Return the names of functions and of all that they call, directly or through others."""
         by_name = {function.name: function for function in self.functions.values()}
         pending = list(entries)
-        required: set[str] = set()
+        required_names: set[str] = set()
         while pending:
             name = pending.pop()
-            if name not in required:
-                required.add(name)
+            if name not in required_names:
+                required_names.add(name)
                 callees = re.findall(r"\b(\w+)\(", by_name[name].text)
                 pending += [callee for callee in callees if callee in by_name]
-        return required
+        return required_names
 
 
-def _same(a: np.ndarray, b: np.ndarray) -> bool:
+def _is_equal_array(a: np.ndarray, b: np.ndarray) -> bool:
     return a.dtype == b.dtype and np.array_equal(a, b, equal_nan=a.dtype.kind == "f")
 
 
-def bound(function: Any, arguments: list[Value], named: Mapping[str, Value]) -> dict[str, Value]:
+def bind_arguments(function: Any, arguments: list[Value], keywords: Mapping[str, Value]) -> dict[str, Value]:
     """Return the arguments of a call by parameter name, including defaults.
 
-    arguments, named : positional and keyword arguments
+    arguments, keywords : positional and keyword arguments
     """
     python = getattr(function, "py_func", function)
-    binding = inspect.signature(python).bind(*arguments, **named)
+    binding = inspect.signature(python).bind(*arguments, **keywords)
     binding.apply_defaults()
     values = {}
     for name, value in binding.arguments.items():
@@ -342,47 +344,47 @@ def _signature(value: Value) -> Any:
     if isinstance(value, Constant):
         return (type(value.value), None if isinstance(value.value, float) else value.value)
     if isinstance(value, Scalar):
-        return value.kind
+        return value.c_type
     if isinstance(value, Array):
         shape = tuple(None if isinstance(size, Scalar) else size for size in value.shape)
-        return (shape, value.kind, value.constant, value.rings)
+        return (shape, value.c_type, value.constant, value.rings)
     if isinstance(value, TupleValue):
         return tuple(_signature(item) for item in value.items)
     return value.name
 
 
-def _parameters(given: dict[str, Value]) -> tuple[dict[str, Value], dict[str, str]]:
+def _parameters(arguments: dict[str, Value]) -> tuple[dict[str, Value], dict[str, str]]:
     """Return the values of a kernel's names, and the C parameters for them."""
     names: dict[str, Value] = {}
     declarations: dict[str, str] = {}
-    for name, value in given.items():
-        label = _safe(name)
+    for name, value in arguments.items():
+        label = _safe_name(name)
         if isinstance(value, Scalar) or (isinstance(value, Constant) and isinstance(value.value, float)):
-            number_type = value.kind if isinstance(value, Scalar) else DOUBLE
+            number_type = value.c_type if isinstance(value, Scalar) else DOUBLE
             names[name] = Scalar(label, number_type)
             declarations[name] = f"{number_type} {label}"
         elif isinstance(value, Array):
             shape = tuple(Scalar(f"n_{label}", INT) if isinstance(size, Scalar) else size for size in value.shape)
-            names[name] = Array(label, shape, value.kind, value.constant, value.rings)
-            declarations[name] = value.declared(label)
+            names[name] = Array(label, shape, value.c_type, value.constant, value.rings)
+            declarations[name] = value.declaration(label)
             if any(isinstance(size, Scalar) for size in shape):
                 declarations[f"{name}.n"] = f"int n_{label}"
         elif isinstance(value, TupleValue):
             items = []
             for k, item in enumerate(value.items):
-                number = Scalar(f"{label}_{k}", as_scalar(item).kind)
+                number = Scalar(f"{label}_{k}", as_scalar(item).c_type)
                 items.append(number)
-                declarations[f"{name}.{k}"] = f"{number.kind} {number.text}"
+                declarations[f"{name}.{k}"] = f"{number.c_type} {number.text}"
             names[name] = TupleValue(tuple(items))
         else:
             names[name] = value
     return names, declarations
 
 
-def _passed(given: dict[str, Value], parameter: str) -> str:
+def _argument_text(arguments: dict[str, Value], parameter: str) -> str:
     """Return the C expression that a call passes for a parameter."""
     name, _, field = parameter.partition(".")
-    value = given[name]
+    value = arguments[name]
     if isinstance(value, Array):
         if not field:
             return value.text
@@ -393,5 +395,5 @@ def _passed(given: dict[str, Value], parameter: str) -> str:
     return literal(value.value).text if isinstance(value, Constant) else as_scalar(value).text
 
 
-def _safe(name: str) -> str:
+def _safe_name(name: str) -> str:
     return f"{name}_" if name in RESERVED else name

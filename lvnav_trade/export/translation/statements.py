@@ -21,7 +21,7 @@ from lvnav_trade.export.translation.values import (
     TupleValue,
     Value,
     as_scalar,
-    held,
+    operand_text,
 )
 
 # Names reserved by C or its library: a local variable of such a name gets an underscore.
@@ -41,16 +41,16 @@ class Body(Expressions):
     """
 
     def __init__(
-        self, program: Owner, function: Any, names: dict[str, Value], tree: ast.FunctionDef, earlier: Body | None
+        self, program: Owner, function: Any, names: dict[str, Value], tree: ast.FunctionDef, first_pass: Body | None
     ) -> None:
         super().__init__(program, function, names)
         self.parameters = dict(names)
         name_nodes = [node for node in ast.walk(tree) if isinstance(node, ast.Name)]
-        self.written = Counter(node.id for node in name_nodes if isinstance(node.ctx, ast.Store))
-        self.assigned: Counter[str] = Counter()
-        self.kinds: dict[str, set[str]] = {}
-        self.returned: list[Value] = []
-        self.earlier = earlier
+        self.assignment_counts = Counter(node.id for node in name_nodes if isinstance(node.ctx, ast.Store))
+        self.binding_counts: Counter[str] = Counter()
+        self.c_types: dict[str, set[str]] = {}
+        self.return_values: list[Value] = []
+        self.first_pass = first_pass
 
     # ------------------------------------------------------------------------------------------- blocks
 
@@ -83,12 +83,12 @@ class Body(Expressions):
         return True
 
     def _return_statement(self, node: ast.Return) -> bool:
-        returned: Value = self.value(node.value) if node.value is not None else Constant(None)
-        if isinstance(returned, Constant) and isinstance(returned.value, tuple):
-            returned = TupleValue(tuple(map(Constant, returned.value)))
-        self.returned.append(returned)
-        all_returned = self.earlier.returned if self.earlier else self.returned
-        self.write(self.program.return_line(returned, all_returned))
+        return_value: Value = self.value(node.value) if node.value is not None else Constant(None)
+        if isinstance(return_value, Constant) and isinstance(return_value.value, tuple):
+            return_value = TupleValue(tuple(map(Constant, return_value.value)))
+        self.return_values.append(return_value)
+        return_values = self.first_pass.return_values if self.first_pass else self.return_values
+        self.write(self.program.return_line(return_value, return_values))
         return True
 
     def _if_statement(self, node: ast.If) -> bool:
@@ -97,33 +97,33 @@ class Body(Expressions):
             return self.block(node.body if condition.value else node.orelse)
         self.write(f"if ({as_scalar(condition).text}) {{")
         begin = len(self.lines)
-        ends = self._inner(node.body)
-        nothing = len(self.lines) == begin
-        is_final = bool(node.orelse) and self._otherwise(node.orelse)
-        if nothing and len(self.lines) == begin:
+        is_unreachable = self._inner_block(node.body)
+        is_empty = len(self.lines) == begin
+        is_final = bool(node.orelse) and self._else_branch(node.orelse)
+        if is_empty and len(self.lines) == begin:
             self.lines.pop()  # the condition has no effect
         else:
             self.write("}")
-        return ends and is_final
+        return is_unreachable and is_final
 
-    def _otherwise(self, nodes: list[ast.stmt]) -> bool:
+    def _else_branch(self, nodes: list[ast.stmt]) -> bool:
         """Translate an else branch; return whether the statements after it are unreachable."""
         start = len(self.lines)
         self.write("} else {")
-        ends = self._inner(nodes)
-        inner = self.lines[start + 1 :]
-        if not inner:
+        is_unreachable = self._inner_block(nodes)
+        branch_lines = self.lines[start + 1 :]
+        if not branch_lines:
             self.lines.pop()
-        elif inner[0].lstrip().startswith("if (") and _is_one(inner):
-            head = f"{'    ' * self.indent}}} else {inner[0].lstrip()}"
-            self.lines[start:] = [head, *(line[4:] for line in inner[1:-1])]
-        return ends
+        elif branch_lines[0].lstrip().startswith("if (") and _is_one(branch_lines):
+            head = f"{'    ' * self.indent}}} else {branch_lines[0].lstrip()}"
+            self.lines[start:] = [head, *(line[4:] for line in branch_lines[1:-1])]
+        return is_unreachable
 
-    def _inner(self, nodes: list[ast.stmt]) -> bool:
+    def _inner_block(self, nodes: list[ast.stmt]) -> bool:
         self.indent += 1
-        ends = self.block(nodes)
+        is_unreachable = self.block(nodes)
         self.indent -= 1
-        return ends
+        return is_unreachable
 
     def _while_statement(self, node: ast.While) -> bool:
         count = len(self.lines)
@@ -131,7 +131,7 @@ class Body(Expressions):
         if len(self.lines) > count or node.orelse:
             raise self.fail(node, "a condition that needs statements of its own")
         self.write(f"while ({as_scalar(condition).text}) {{")
-        self._inner(node.body)
+        self._inner_block(node.body)
         self.write("}")
         return False
 
@@ -169,19 +169,19 @@ class Body(Expressions):
             passes = range(first.value, last.value, step.value)
             if len(passes) == 0:
                 return
-            if len(passes) == 1 and not _leaves(node.body):
+            if len(passes) == 1 and not _has_jump(node.body):
                 self.names[name] = first
                 self.block(node.body)
                 return
         label = self._label(name)
         self.names[name] = Scalar(label, INT)
         begin = as_scalar(first).text
-        end = held(as_scalar(last), SUM)
+        end = operand_text(as_scalar(last), SUM)
         increment = {1: f"{label}++", -1: f"{label}--"}.get(step.value, f"{label} += {step.value}")
         comparison = "<" if step.value > 0 else ">"
         start = len(self.lines)
         self.write(f"for (int {label} = {begin}; {label} {comparison} {end}; {increment}) {{")
-        self._inner(node.body)
+        self._inner_block(node.body)
         if len(self.lines) == start + 1:
             self.lines.pop()  # the loop is empty
         else:
@@ -192,7 +192,7 @@ class Body(Expressions):
     def _assign_statement(self, node: ast.Assign) -> bool:
         value = self.value(node.value)
         if len(node.targets) > 1:
-            value = self._copied(value)
+            value = self._temporary_copy(value)
         for target in node.targets:
             if isinstance(target, ast.Tuple):
                 self._unpack(node, target, value)
@@ -202,10 +202,10 @@ class Body(Expressions):
 
     def _augassign_statement(self, node: ast.AugAssign) -> bool:
         assert isinstance(node.target, ast.Name | ast.Subscript)
-        reading = ast.copy_location(_loaded(node.target), node.target)
-        present = self.value(reading)
+        reading = ast.copy_location(_load_expression(node.target), node.target)
+        value = self.value(reading)
         operand = self.value(node.value)
-        result = operators.binary(node.op, present, operand)
+        result = operators.binary(node.op, value, operand)
         self.store(node.target, result)
         return False
 
@@ -214,7 +214,7 @@ class Body(Expressions):
         if items is None:
             raise self.fail(node, "cannot be taken apart")
         if not _is_independent(target, node.value):
-            items = [self._copied(item) for item in items]
+            items = [self._temporary_copy(item) for item in items]
         for element, item in zip(target.elts, items, strict=True):
             self.store(element, item)
 
@@ -224,28 +224,28 @@ class Body(Expressions):
         if items is not None and len(items) == count:
             return items
         if isinstance(value, Array) and value.shape[0] == count and len(value.shape) == 1:
-            return [Scalar(f"{value.text}[{i}]", value.kind) for i in range(count)]
+            return [Scalar(f"{value.text}[{i}]", value.c_type) for i in range(count)]
         return None
 
-    def _copied(self, item: Value) -> Value:
+    def _temporary_copy(self, item: Value) -> Value:
         """Copy a number to a temporary if another target of the same statement may change it first."""
         if not isinstance(item, Scalar):
             return item
-        name = self.temporary(f"{item.kind} {{}}", "old")
+        name = self.temporary(f"{item.c_type} {{}}", "old")
         self.write(f"{name} = {item.text};")
-        return Scalar(name, item.kind)
+        return Scalar(name, item.c_type)
 
-    def store(self, target: ast.expr, found: Value) -> None:
+    def store(self, target: ast.expr, value: Value) -> None:
         """Store a value to a name or an array element."""
         if isinstance(target, ast.Name):
-            self._bind(target.id, found)
+            self._bind(target.id, value)
             return
         if not isinstance(target, ast.Subscript):
             raise self.fail(target, "is no place to store to")
         place = self.value(target)
         if not isinstance(place, Scalar):
             raise self.fail(target, "is no element that can be written")
-        self.write(f"{place.text} = {as_scalar(found).text};")
+        self.write(f"{place.text} = {as_scalar(value).text};")
 
     def _label(self, name: str) -> str:
         if name in self.parameters:
@@ -254,9 +254,9 @@ class Body(Expressions):
 
     def _bind(self, name: str, value: Value) -> None:
         """Give a name a value: known values stay values, numbers that vary become a local variable."""
-        self.assigned[name] += 1
-        n_assignments = self.written[name] if self.earlier is None else self.earlier.assigned[name]
-        is_fixed = n_assignments == 1 and name not in self.parameters
+        self.binding_counts[name] += 1
+        counts = self.assignment_counts if self.first_pass is None else self.first_pass.binding_counts
+        is_fixed = counts[name] == 1 and name not in self.parameters
         if isinstance(value, Constant) and not isinstance(value.value, int | float):
             is_fixed = True  # not a number that can change: None, a name, a function
         if isinstance(value, RecordValue) or (isinstance(value, Constant) and is_fixed):
@@ -282,26 +282,26 @@ class Body(Expressions):
 
     def _bind_array(self, name: str, array: Array) -> None:
         is_whole = array.text.replace("->", "").replace("_", "").isalnum()
-        if is_whole and self.assigned[name] == 1:
+        if is_whole and self.binding_counts[name] == 1:
             self.names[name] = array  # a whole array keeps its own name
             return
         label = self._label(name)
-        declaration = array.declared(label)
+        declaration = array.declaration(label)
         if self.locals.get(name, declaration) != declaration:
             raise TranslationError(f"{self.function.__name__}: {name} stands for arrays of different kinds")
         self.locals[name] = declaration
         self.write(f"{label} = {array.text};")
-        is_assigned_once = self.earlier is not None and self.earlier.assigned[name] == 1
+        is_assigned_once = self.first_pass is not None and self.first_pass.binding_counts[name] == 1
         self.names[name] = replace(array, text=label, value=array.value if is_assigned_once else None)
 
     def _bind_number(self, name: str, number: Scalar) -> None:
-        self.kinds.setdefault(name, set()).add(number.kind)
+        self.c_types.setdefault(name, set()).add(number.c_type)
         # The first pass knows the types of all assignments to the name
-        kinds = self.kinds[name] if self.earlier is None else self.earlier.kinds.get(name, {number.kind})
-        number_type = DOUBLE if DOUBLE in kinds else INT
+        c_types = self.c_types[name] if self.first_pass is None else self.first_pass.c_types.get(name, {number.c_type})
+        number_type = DOUBLE if DOUBLE in c_types else INT
         label = self._label(name)
         self.names[name] = Scalar(label, number_type)
-        if self.earlier is not None and name not in self.earlier.read and "(" not in number.text:
+        if self.first_pass is not None and name not in self.first_pass.read_names and "(" not in number.text:
             return  # it is never read
         self.locals[name] = f"{number_type} {label}"
         self.write(f"{label} = {number.text};")
@@ -309,9 +309,9 @@ class Body(Expressions):
     def begin(self) -> None:
         """Declare local variables for parameters that the kernel assigns to."""
         for name, value in self.parameters.items():
-            if self.written[name] and (self.earlier is None or self.earlier.assigned[name]):
+            if self.assignment_counts[name] and (self.first_pass is None or self.first_pass.binding_counts[name]):
                 self._bind(name, as_scalar(value))
-                self.assigned[name] -= 1
+                self.binding_counts[name] -= 1
 
 
 def _is_one(lines: list[str]) -> bool:
@@ -319,15 +319,15 @@ def _is_one(lines: list[str]) -> bool:
     if lines[-1].strip() != "}":
         return False
     depth = _indentation(lines[0])
-    same_level = [line.lstrip() for line in lines[1:] if _indentation(line) == depth]
-    return all(line.startswith("}") for line in same_level)
+    lines_at_level = [line.lstrip() for line in lines[1:] if _indentation(line) == depth]
+    return all(line.startswith("}") for line in lines_at_level)
 
 
 def _indentation(line: str) -> int:
     return len(line) - len(line.lstrip())
 
 
-def _leaves(nodes: list[ast.stmt]) -> bool:
+def _has_jump(nodes: list[ast.stmt]) -> bool:
     """Return whether statements contain continue or break."""
     inner_nodes = [inner for node in nodes for inner in ast.walk(node)]
     return any(isinstance(inner, ast.Continue | ast.Break) for inner in inner_nodes)
@@ -337,14 +337,14 @@ def _is_independent(target: ast.Tuple, source: ast.expr) -> bool:
     """Return whether no value of an assignment reads another of its targets."""
     if not isinstance(source, ast.Tuple):
         return True  # the results of a call are complete before the first of them is stored
-    written = {_base(element) for element in target.elts}
+    target_texts = {_base(element) for element in target.elts}
     for node in ast.walk(source):
-        if isinstance(node, ast.Name | ast.Attribute) and ast.unparse(node) in written:
+        if isinstance(node, ast.Name | ast.Attribute) and ast.unparse(node) in target_texts:
             return False
     return True
 
 
-def _loaded(node: ast.Name | ast.Subscript) -> ast.expr:
+def _load_expression(node: ast.Name | ast.Subscript) -> ast.expr:
     if isinstance(node, ast.Name):
         return ast.Name(node.id, ast.Load())
     return ast.Subscript(node.value, node.slice, ast.Load())

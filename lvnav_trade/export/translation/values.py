@@ -30,12 +30,12 @@ class Scalar:
     """A number as a C expression.
 
     text : The expression.
-    kind : C type, double or int.
+    c_type : C type, double or int.
     level : Precedence of its outermost operator.
     """
 
     text: str
-    kind: str
+    c_type: str
     level: int = ATOM
 
 
@@ -45,7 +45,7 @@ class Array:
 
     text : C expression of the address of its first element.
     shape : Length of each axis; a Scalar if it is not known at translation.
-    kind : C type of the elements.
+    c_type : C type of the elements.
     constant : Whether the elements are constant.
     rings : For each axis: 0 for an ordinary axis; n for a ring buffer of n places, whose index grows without end;
         `ONLY` if only the present index is read, `SAME` if the elements are equal along the axis. C has no axis for the
@@ -55,7 +55,7 @@ class Array:
 
     text: str
     shape: tuple[int | Scalar, ...]
-    kind: str
+    c_type: str
     constant: bool = False
     rings: tuple[int, ...] = ()
     value: Any = field(default=None, compare=False)
@@ -69,12 +69,12 @@ class Array:
         """Lengths of the axes in C."""
         return tuple(size for axis, size in enumerate(self.shape) if self.ring(axis) not in (ONLY, SAME))
 
-    def declared(self, name: str) -> str:
+    def declaration(self, name: str) -> str:
         """Return the declaration of a pointer of this type."""
         inner_sizes = "".join(f"[{size_of(size)}]" for size in self.sizes[1:])
         pointer = f"(*{name}){inner_sizes}" if inner_sizes else f"*{name}"
         qualifier = "const " if self.constant else ""
-        return f"{qualifier}{self.kind} {pointer}"
+        return f"{qualifier}{self.c_type} {pointer}"
 
 
 @dataclass(frozen=True)
@@ -135,7 +135,7 @@ def as_scalar(value: Value) -> Scalar:
     raise TranslationError(f"{type(value).__name__} where a number should be")
 
 
-def held(scalar: Scalar, level: int) -> str:
+def operand_text(scalar: Scalar, level: int) -> str:
     """Return a C expression, in brackets if an operator of the given precedence would split it."""
     return f"({scalar.text})" if scalar.level > level else scalar.text
 

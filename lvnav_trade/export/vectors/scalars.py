@@ -6,40 +6,40 @@ import math
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
-from lvnav_trade.filter.ekf import channel_of, n_measured
+from lvnav_trade.filter.ekf import receiver_channel, receiver_row_count
 from lvnav_trade.filter.policies.epoch_differences import is_present
 from lvnav_trade.filter.policies.reference_satellite import is_reference
 from lvnav_trade.sensors.receiver_observables import LABELS
 from lvnav_trade.simulation.montecarlo import TapedRun
-from lvnav_trade.simulation.preparation.prepare import Prepared
+from lvnav_trade.simulation.preparation.prepare import PreparedCase
 
 
-def _receiver_scalars(prepared: Prepared, recorded: TapedRun, epoch: int) -> Iterator[_Scalar]:
+def _receiver_scalars(prepared_case: PreparedCase, taped_run: TapedRun, epoch: int) -> Iterator[_Scalar]:
     """Yield the scalar measurements of the receiver at an epoch, in the order of processing.
 
     Measurements that are absent, and those of the reference satellite, are omitted.
     """
-    model, signals, tape = prepared.model, prepared.signals, recorded.tape
-    units = ["m/s" if "rate" in LABELS[name] else "m" for name in prepared.channels.observables]
-    for row in range(_python(n_measured)(model, signals, epoch)):
-        channel = _python(channel_of)(model, signals, epoch, row)
-        if not _python(is_present)(prepared.options.delayed, model, epoch, channel):
+    model, signals, tape = prepared_case.model, prepared_case.signals, taped_run.tape
+    units = ["m/s" if "rate" in LABELS[name] else "m" for name in prepared_case.channels.observables]
+    for row in range(_python(receiver_row_count)(model, signals, epoch)):
+        channel = _python(receiver_channel)(model, signals, epoch, row)
+        if not _python(is_present)(prepared_case.options.differences, model, epoch, channel):
             continue
         if not model.tight:
             yield _Scalar(row, channel, tape.solution[epoch, row], "m" if row < 3 else "m/s")
         elif not _python(is_reference)(model, signals, epoch, row):
-            slot, observable = divmod(row, model.n_kind)
+            slot, observable = divmod(row, model.n_observable)
             yield _Scalar(row, channel, tape.ranges[epoch, slot, observable], units[observable])
 
 
-def _sensor_scalars(prepared: Prepared, epoch: int) -> Iterator[_Scalar]:
+def _sensor_scalars(prepared_case: PreparedCase, epoch: int) -> Iterator[_Scalar]:
     """Yield the scalar measurements of the other sensors at an epoch."""
-    sensors = prepared.sensors
+    sensors = prepared_case.sensors
     if sensors is None:
         return
-    first_row = prepared.n_row - prepared.channels.n_channel
-    for k, device in enumerate(prepared.devices):
-        if not (sensors.on[k, epoch] and prepared.model.measured[sensors.channel[k]]):
+    first_row = prepared_case.n_row - prepared_case.channels.n_channel
+    for k, device in enumerate(prepared_case.devices):
+        if not (sensors.is_measuring[k, epoch] and prepared_case.model.is_processed[sensors.channel[k]]):
             continue
         for i in range(sensors.scalars[k]):
             channel = sensors.channel[k] + i
@@ -66,22 +66,22 @@ def _python(kernel: Any) -> Any:
     return getattr(kernel, "py_func", kernel)
 
 
-def measurement_rows(prepared: Prepared, recorded: TapedRun) -> Iterator[tuple[Any, ...]]:
+def measurement_rows(prepared_case: PreparedCase, taped_run: TapedRun) -> Iterator[tuple[Any, ...]]:
     """Yield the rows of the table of measurements; none if the filter is not aided."""
-    channels, signals, names = prepared.channels, prepared.signals, prepared.channel_names
-    has_reports = reports_covariance(prepared)
-    if not prepared.model.aided:
+    channels, signals, names = prepared_case.channels, prepared_case.signals, prepared_case.channel_names
+    has_reports = reports_covariance(prepared_case)
+    if not prepared_case.model.has_epochs:
         return
-    for epoch, t in enumerate(prepared.t_epoch):
-        scalars = [*_receiver_scalars(prepared, recorded, epoch), *_sensor_scalars(prepared, epoch)]
+    for epoch, t in enumerate(prepared_case.t_epoch):
+        scalars = [*_receiver_scalars(prepared_case, taped_run, epoch), *_sensor_scalars(prepared_case, epoch)]
         for row, channel, value, unit in scalars:
             is_of_receiver = channel < channels.n_receiver
             satellite = ""
             if channels.tight and is_of_receiver:
-                satellite = channels.satellites[channel // prepared.model.n_kind]
+                satellite = channels.satellites[channel // prepared_case.model.n_observable]
             variance = signals.variance[epoch, channel]
             if has_reports and is_of_receiver:
-                variance = recorded.tape.covariance[epoch, row, row] * signals.scale[epoch, channel] ** 2
+                variance = taped_run.tape.covariance[epoch, row, row] * signals.scale[epoch, channel] ** 2
             yield (
                 epoch,
                 t,
@@ -91,10 +91,10 @@ def measurement_rows(prepared: Prepared, recorded: TapedRun) -> Iterator[tuple[A
                 value,
                 unit,
                 variance,
-                recorded.innovation[epoch, channel],
+                taped_run.innovation[epoch, channel],
             )
 
 
-def reports_covariance(prepared: Prepared) -> bool:
+def reports_covariance(prepared_case: PreparedCase) -> bool:
     """Return whether the receiver reports the covariance of its solution and the filter uses it."""
-    return bool(prepared.model.has_covariance) and prepared.options.solver is not None
+    return bool(prepared_case.model.has_reported_covariance) and prepared_case.options.solver is not None

@@ -15,7 +15,7 @@ from lvnav_trade.campaign.definition.schema import Campaign
 from lvnav_trade.campaign.syntax.tree import dump
 from lvnav_trade.export.vectors.vector_tables import VectorTable, vectors_of
 from lvnav_trade.quantities.errors import InputError
-from lvnav_trade.simulation.preparation.prepare import Prepared, prepare
+from lvnav_trade.simulation.preparation.prepare import PreparedCase, prepare
 
 Format = Literal["csv", "parquet"]
 _MARKUP = re.compile(r"[\\`*_<>\[\]#!|~&]")  # Markdown characters, which are escaped in names
@@ -45,7 +45,7 @@ class ReferenceVectors:
     run: int
 
 
-def reference_vectors(campaign: Campaign, case: Case, run: int, kind: str) -> ReferenceVectors:
+def reference_vectors(campaign: Campaign, case: Case, run: int, file_format: str) -> ReferenceVectors:
     """Return the reference vectors of one run of a case.
 
     Parameters
@@ -56,7 +56,7 @@ def reference_vectors(campaign: Campaign, case: Case, run: int, kind: str) -> Re
         One of its cases.
     run : int
         Number of the run, from 0.
-    kind : {"csv", "parquet"}
+    file_format : {"csv", "parquet"}
         Format of the tables.
 
     Returns
@@ -71,19 +71,19 @@ def reference_vectors(campaign: Campaign, case: Case, run: int, kind: str) -> Re
     """
     if not 0 <= run < _LARGEST_RUN:
         raise InputError(f"run {run}: runs are numbered from 0")
-    if kind not in get_args(Format):
-        raise InputError(f"format {kind!r}: should be csv or parquet")
-    prepared = prepare(case.scenario)
-    tables = vectors_of(prepared, campaign.seed, run)
+    if file_format not in get_args(Format):
+        raise InputError(f"format {file_format!r}: should be csv or parquet")
+    prepared_case = prepare(case.scenario)
+    tables = vectors_of(prepared_case, campaign.seed, run)
     columns = _column_table(tables)
     title = f"Case {case.label} ({case.id}) of the campaign {campaign.name}, seed {campaign.seed}, run {run}."
     title = _MARKUP.sub(r"\\\g<0>", " ".join(title.split()))
     files: dict[str, bytes | str] = {
-        f"{name}.{kind}": _table_content(table.frame, kind) for name, table in tables.items()
+        f"{name}.{file_format}": _table_content(table.frame, file_format) for name, table in tables.items()
     }
     files["columns.csv"] = columns.to_csv(index=False)
     files["case.yaml"] = dump(case.scenario.model_dump(mode="json", exclude_none=True))
-    files["README.md"] = _readme(title, tables, kind, prepared)
+    files["README.md"] = _readme(title, tables, file_format, prepared_case)
     return ReferenceVectors(
         tables={name: table.frame for name, table in tables.items()},
         columns=columns,
@@ -101,33 +101,33 @@ def _column_table(tables: Mapping[str, VectorTable]) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=["table", "column", "unit", "meaning"])
 
 
-def _table_content(frame: pd.DataFrame, kind: str) -> bytes | str:
+def _table_content(frame: pd.DataFrame, file_format: str) -> bytes | str:
     """Return a table as a file; CSV has enough digits to restore the same double."""
-    if kind == "csv":
+    if file_format == "csv":
         return str(frame.to_csv(index=False))
     buffer = io.BytesIO()
     frame.to_parquet(buffer, index=False)
     return buffer.getvalue()
 
 
-def _readme(title: str, tables: Mapping[str, VectorTable], kind: str, prepared: Prepared) -> str:
+def _readme(title: str, tables: Mapping[str, VectorTable], file_format: str, prepared_case: PreparedCase) -> str:
     """Return the README with the description and use of the tables.
 
     title : title of the README
     tables : tables by name
-    kind : file name extension of the tables, "csv" or "parquet"
+    file_format : file name extension of the tables, "csv" or "parquet"
     """
-    rows = [f"| `{name}.{kind}` | {table.about} | {len(table.frame)} |" for name, table in tables.items()]
-    filter_card = prepared.scenario.filter
+    rows = [f"| `{name}.{file_format}` | {table.description} | {len(table.frame)} |" for name, table in tables.items()]
+    filter_card = prepared_case.scenario.filter
     notes = [_OPEN if filter_card.feedback == "open" else _CLOSED]
-    if prepared.model.uneven is not None:
-        gyro, accel = prepared.model.uneven
+    if prepared_case.model.excess_density is not None:
+        gyro, accel = prepared_case.model.excess_density
         notes.append(_UNEVEN.format(gyro=_axis_values(gyro), accel=_axis_values(accel)))
     if filter_card.gains is not None:
         notes.append(_GAINS)
     if "reported_covariance" in tables:
         notes.append(_WHITENED)
-    if prepared.options.late is not None:
+    if prepared_case.options.delay_processing is not None:
         notes.append(_LATE)
     return _README.format(title=title, tables="\n".join(rows), notes="\n".join(notes))
 

@@ -9,9 +9,9 @@ The process noise is correlated with the measurement. The result is that of clon
 measurement is processed between the two epochs. The arrays are those of `epoch_differences.PreviousEpoch`.
 """
 
-from lvnav_trade.kernels.covariance import add_turned, apply_phi, inflate, predict
-from lvnav_trade.kernels.jit import inlined, jit
-from lvnav_trade.kernels.lanes import like
+from lvnav_trade.kernels.covariance import add_axis_noise, apply_phi, inflate, predict
+from lvnav_trade.kernels.jit import inline_jit, jit
+from lvnav_trade.kernels.lanes import number_like
 
 
 @jit
@@ -24,25 +24,25 @@ def _inflate_transition(previous_epoch, model, factor):
     previous_epoch.growth[0] = previous_epoch.growth[0] * factor
 
 
-@inlined
-def accumulate_transition(previous_epoch, delayed, blocks, sums, model, length, injection):
+@inline_jit
+def accumulate_transition(previous_epoch, differences, blocks, sums, model, length_index, injection):
     """Accumulate transition matrix and process noise since the previous epoch over one window.
 
     Only a filter that computes the earlier state from the present state needs them.
 
     Parameters
     ----------
-    previous_epoch, delayed : PreviousEpoch, and DifferenceProcessing or None
+    previous_epoch, differences : PreviousEpoch, and DifferenceProcessing or None
     blocks : (n_block, 9) blocks of the transition over the window
     sums : (18,) integrals of the strapdown over the window
     model : FilterModel
-    length : index of the window length
+    length_index : index of the window length
     injection : change of operating region at the end of the window, -1 none
     """
-    if delayed is not None and delayed.back:
-        seconds = model.seconds[length]
+    if differences is not None and differences.is_back_propagated:
+        seconds = model.seconds[length_index]
         n = previous_epoch.phi.shape[0]
-        factor = model.inflation[length]
+        factor = model.inflation[length_index]
         if factor != 1.0:
             _inflate_transition(previous_epoch, model, factor)
         # phi is transposed, so each of its rows is a column that the transition of the window multiplies
@@ -52,37 +52,37 @@ def accumulate_transition(previous_epoch, delayed, blocks, sums, model, length, 
                 blocks,
                 model.block_rows,
                 model.block_columns,
-                model.decay[length],
+                model.decay[length_index],
                 model.clock,
                 seconds,
             )
-        add_turned(previous_epoch.noise, model.uneven, sums, seconds)
+        add_axis_noise(previous_epoch.noise, model.excess_density, sums, seconds)
         predict(
             previous_epoch.noise,
             blocks,
             model.block_rows,
             model.block_columns,
-            model.decay[length],
-            model.noise[length],
+            model.decay[length_index],
+            model.noise[length_index],
             model.clock,
             seconds,
         )
-        add_turned(previous_epoch.noise, model.uneven, sums, seconds)
+        add_axis_noise(previous_epoch.noise, model.excess_density, sums, seconds)
         if injection >= 0:
             for i in range(n):
-                previous_epoch.noise[i, i] = previous_epoch.noise[i, i] + model.injected[injection, i]
+                previous_epoch.noise[i, i] = previous_epoch.noise[i, i] + model.injected_variance[injection, i]
 
 
 @jit
-def begin_transition(previous_epoch, delayed):
+def begin_transition(previous_epoch, differences):
     """Reset the accumulated transition to the identity and its noise to zero."""
-    if delayed is not None and delayed.back:
+    if differences is not None and differences.is_back_propagated:
         n = previous_epoch.phi.shape[0]
-        previous_epoch.growth[0] = like(previous_epoch.clock[0], 1.0)
+        previous_epoch.growth[0] = number_like(previous_epoch.clock[0], 1.0)
         for i in range(n):
             for j in range(n):
-                previous_epoch.phi[i, j] = like(previous_epoch.clock[0], 1.0 if i == j else 0.0)
-                previous_epoch.noise[i, j] = like(previous_epoch.clock[0], 0.0)
+                previous_epoch.phi[i, j] = number_like(previous_epoch.clock[0], 1.0 if i == j else 0.0)
+                previous_epoch.noise[i, j] = number_like(previous_epoch.clock[0], 0.0)
 
 
 @jit
@@ -117,50 +117,51 @@ def _solve(lu, y):
 
 
 @jit
-def _fill_cross_covariance(P, previous_epoch, delayed):
+def _fill_cross_covariance(P, previous_epoch, differences):
     """Set `previous_epoch.noise` to (P - Q) Phi^-T, the covariance of the present with the earlier state."""
     n = P.shape[0]
-    first = delayed.clone
+    first = differences.clone
     cross = previous_epoch.noise
     for i in range(n):
         for j in range(n):
             cross[i, j] = P[i, j] - cross[i, j]
-    for c in range(delayed.cloned.shape[0]):  # the clones of the epoch before have no information on this one
+    # the clones of the epoch before have no information on this one
+    for c in range(differences.cloned_states.shape[0]):
         for j in range(n):
-            cross[first + c, j] = like(P[0, 0], 0.0)
-            cross[j, first + c] = like(P[0, 0], 0.0)
+            cross[first + c, j] = number_like(P[0, 0], 0.0)
+            cross[j, first + c] = number_like(P[0, 0], 0.0)
     _factorise(previous_epoch.lu, previous_epoch.phi)
     for i in range(n):
         _solve(previous_epoch.lu, cross[i])
 
 
 @jit
-def recover_previous_epoch(P, previous_epoch, delayed):
+def recover_previous_epoch(P, previous_epoch, differences):
     """Set the clones in the covariance P (n, n) to the earlier state, computed from the present state.
 
     `previous_epoch.noise` becomes (P - Q) Phi^-T. The rows and columns of the clones themselves are cleared first.
     With fading memory the computed covariance is inflated by `growth`, as that of a stored clone would be.
     """
-    if delayed is not None and delayed.back:
+    if differences is not None and differences.is_back_propagated:
         growth = previous_epoch.growth[0]
         n = P.shape[0]
-        n_clone = delayed.cloned.shape[0]
-        first = delayed.clone
-        _fill_cross_covariance(P, previous_epoch, delayed)
+        n_clone = differences.cloned_states.shape[0]
+        first = differences.clone
+        _fill_cross_covariance(P, previous_epoch, differences)
         cross = previous_epoch.noise  # element (i, j): covariance of the present state i with the earlier state j
         for c in range(n_clone):
             for i in range(n):
                 is_clone = first <= i and i < first + n_clone
                 if not is_clone:
-                    covariance = growth * cross[i, delayed.cloned[c]]
+                    covariance = growth * cross[i, differences.cloned_states[c]]
                     P[i, first + c] = covariance
                     P[first + c, i] = covariance
         # covariance of earlier states with each other: Phi^-1 once more, from the left
         for c in range(n_clone):
             column = previous_epoch.phi[c]
             for i in range(n):
-                column[i] = cross[i, delayed.cloned[c]]
+                column[i] = cross[i, differences.cloned_states[c]]
             _solve(previous_epoch.lu, column)
             for d in range(n_clone):
-                earlier_state = delayed.cloned[d]
+                earlier_state = differences.cloned_states[d]
                 P[first + d, first + c] = growth * growth * column[earlier_state]

@@ -7,7 +7,7 @@ with the transition matrix linearised at the corrected state, which is the best 
 from typing import NamedTuple
 
 from lvnav_trade.filter.ekf import predict_covariance
-from lvnav_trade.kernels.jit import inlined, jit
+from lvnav_trade.kernels.jit import inline_jit, jit
 from lvnav_trade.kernels.lanes import zeros_of
 from lvnav_trade.kernels.mechanisation import mechanise
 from lvnav_trade.kernels.strapdown import N_SUM
@@ -50,7 +50,7 @@ def begin_backup(backup, work):
                 backup.P[i, j] = work.P[i, j]
 
 
-@inlined
+@inline_jit
 def advance_backup(backup, work, model, n_tick, dt, seconds):
     """Integrate the increments of a window; called before the estimated IMU errors are removed from them.
 
@@ -67,8 +67,8 @@ def advance_backup(backup, work, model, n_tick, dt, seconds):
         mechanise(backup.nav, backup.sums, backup.previous, work.increments, n_step, dt, algorithm, seconds)
 
 
-@inlined
-def predict_backup(backup, work, model, length, injection):
+@inline_jit
+def predict_backup(backup, work, model, length_index, injection):
     """Propagate the covariance of the backup strapdown over a window, with the blocks of `ekf.fill_transition`."""
     if backup is not None:
-        predict_covariance(backup.P, work.D, work.sums, model, length, injection)
+        predict_covariance(backup.P, work.D, work.sums, model, length_index, injection)

@@ -12,9 +12,9 @@ from typing import NamedTuple
 import numpy as np
 
 from lvnav_trade.filter.policies.back_propagation import begin_transition
-from lvnav_trade.filter.policies.delay import ERROR, place_of
-from lvnav_trade.kernels.jit import inlined, jit
-from lvnav_trade.kernels.lanes import like, zeros_of
+from lvnav_trade.filter.policies.delay import ERROR, ring_index
+from lvnav_trade.kernels.jit import inline_jit, jit
+from lvnav_trade.kernels.lanes import number_like, zeros_of
 from lvnav_trade.kernels.transition import ATT, POS
 from lvnav_trade.quantities.line_of_sight import antenna
 from lvnav_trade.quantities.records import Bools, Floats, Ints
@@ -26,22 +26,23 @@ from lvnav_trade.sensors.receiver_observables import Channels
 class DifferenceProcessing(NamedTuple):
     """Processing of the further satellite observables: carrier phase and differences of two epochs.
 
-    difference : (n_kind,). Whether the observable is a difference of two epochs.
-    present : (n_epoch, n_receiver). Whether the channel has a measurement.
+    is_difference : (n_observable,). Whether the observable is a difference of two epochs.
+    is_present : (n_epoch, n_receiver). Whether the channel has a measurement.
     previous_entry : First Jacobian entry of the earlier epoch.
-    renewed : (n_epoch, n_extra) SI squared. Variance to which an extra state is reset at the epoch; -1: no reset.
-    cloned : (n_clone,). States that have a clone.
+    reset_variance : (n_epoch, n_extra) SI squared. Variance to which an extra state is reset at the epoch; -1: no
+        reset.
+    cloned_states : (n_clone,). States that have a clone.
     clone : First clone in the state vector.
-    back : Whether the earlier state is computed from the present state by the inverse transition.
+    is_back_propagated : Whether the earlier state is computed from the present state by the inverse transition.
     """
 
-    difference: Bools
-    present: Bools
+    is_difference: Bools
+    is_present: Bools
     previous_entry: int
-    renewed: Floats
-    cloned: Ints
+    reset_variance: Floats
+    cloned_states: Ints
     clone: int
-    back: bool
+    is_back_propagated: bool
 
 
 class PreviousEpoch(NamedTuple):
@@ -68,10 +69,10 @@ class PreviousEpoch(NamedTuple):
 
 
 def new_previous_epoch(
-    delayed: DifferenceProcessing, n_antenna: int, n_extra: int, n_state: int, lanes: int = 0
+    differences: DifferenceProcessing, n_antenna: int, n_extra: int, n_state: int, lanes: int = 0
 ) -> PreviousEpoch:
     """Return the arrays of a filter's earlier epoch: one run, or `lanes` runs on the last axis."""
-    n = n_state if delayed.back else 1
+    n = n_state if differences.is_back_propagated else 1
     shapes = {
         "antenna": (n_antenna, 21),
         "clock": (1,),
@@ -105,7 +106,7 @@ def cloned_states(
         states += [ATT, ATT + 1, ATT + 2]
     states.append(layout.clock)
     for block in layout.extras:
-        if any(np.any(block.member[channels.of(name)] >= 0) for name in differences):
+        if any(np.any(block.member[channels.observable_slice(name)] >= 0) for name in differences):
             states += range(block.offset, block.offset + len(block.labels))
     return tuple(states)
 
@@ -122,21 +123,21 @@ def earlier_entries(layout: StateLayout, present: list[tuple[int, int]], first: 
     pairs = []
     for entry, state in present:
         offset = earlier_entry[entry] if entry < N_ENTRY else D_EXTRA + entry - N_ENTRY
-        clone_state = layout.clone + layout.cloned.index(state)
+        clone_state = layout.clone + layout.cloned_states.index(state)
         pairs.append((first + offset, clone_state))
     return pairs
 
 
 @jit
-def is_present(delayed, model, epoch, channel):
+def is_present(differences, model, epoch, channel):
     """Return whether the filter processes a receiver channel at an epoch (DifferenceProcessing, or None)."""
-    if delayed is None:
-        return model.measured[channel]
-    return model.measured[channel] and delayed.present[epoch, channel]
+    if differences is None:
+        return model.is_processed[channel]
+    return model.is_processed[channel] and differences.is_present[epoch, channel]
 
 
 @jit
-def subtract_extra(work, previous_epoch, delayed, model, signals, epoch, row, channel):
+def subtract_extra(work, previous_epoch, differences, model, signals, epoch, row, channel):
     """Set the Jacobian entries of extra states at the earlier epoch of a difference.
 
     Returns the contribution of their estimates, which is subtracted from the prediction.
@@ -144,17 +145,17 @@ def subtract_extra(work, previous_epoch, delayed, model, signals, epoch, row, ch
     Parameters
     ----------
     work : arrays of the run
-    previous_epoch, delayed : PreviousEpoch, DifferenceProcessing
+    previous_epoch, differences : PreviousEpoch, DifferenceProcessing
     model, signals : FilterModel, Signals
     epoch, row, channel : indices
     """
     h = work.H[row]
-    total = like(work.x[0], 0.0)
+    total = number_like(work.x[0], 0.0)
     for family in range(model.extra_member.shape[0]):
         state = model.extra_member[family, channel]
         if state >= 0:
-            partial = like(work.x[0], signals.partial[family, epoch - 1, channel])
-            h[delayed.previous_entry + D_EXTRA + family] = -partial
+            partial = number_like(work.x[0], signals.partial[family, epoch - 1, channel])
+            h[differences.previous_entry + D_EXTRA + family] = -partial
             total = total + partial * previous_epoch.extra[state]
     return total
 
@@ -162,45 +163,45 @@ def subtract_extra(work, previous_epoch, delayed, model, signals, epoch, row, ch
 @jit
 def _reset_state(P, state, variance):
     """Reset a state in the covariance P to a variance, uncorrelated with all other states."""
-    zero = like(P[0, 0], 0.0)
+    zero = number_like(P[0, 0], 0.0)
     for i in range(P.shape[0]):
         P[state, i] = zero
         P[i, state] = zero
-    P[state, state] = like(P[0, 0], variance)
+    P[state, state] = number_like(P[0, 0], variance)
 
 
 @jit
-def renew(P, x, extra, delayed, model, epoch):
+def reset_states(P, x, extra, differences, model, epoch):
     """Reset extra states at an epoch: the noise of a new measurement, the ambiguity of a newly acquired carrier.
 
     Parameters
     ----------
     P, x : (n, n) covariance and (n,) error state, updated in place
     extra : (n_extra,) estimates, updated in place
-    delayed : DifferenceProcessing, or None
+    differences : DifferenceProcessing, or None
     """
-    if delayed is not None:
-        for e in range(delayed.renewed.shape[1]):
-            variance = delayed.renewed[epoch, e]
+    if differences is not None:
+        for e in range(differences.reset_variance.shape[1]):
+            variance = differences.reset_variance[epoch, e]
             if variance >= 0.0:
                 state = model.extra_offset[e]
                 _reset_state(P, state, variance)
-                x[state] = like(x[0], 0.0)
-                extra[e] = like(x[0], 0.0)
+                x[state] = number_like(x[0], 0.0)
+                extra[e] = number_like(x[0], 0.0)
 
 
 @jit
-def clone(P, delayed):
+def clone(P, differences):
     """Replace the clones in the covariance P (n, n) by copies of the present states: P <- S P S'."""
     n = P.shape[0]
-    for c in range(delayed.cloned.shape[0]):
-        state = delayed.cloned[c]
-        clone_state = delayed.clone + c
+    for c in range(differences.cloned_states.shape[0]):
+        state = differences.cloned_states[c]
+        clone_state = differences.clone + c
         for j in range(n):
             P[clone_state, j] = P[state, j]
-    for c in range(delayed.cloned.shape[0]):
-        state = delayed.cloned[c]
-        clone_state = delayed.clone + c
+    for c in range(differences.cloned_states.shape[0]):
+        state = differences.cloned_states[c]
+        clone_state = differences.clone + c
         for i in range(n):
             P[i, clone_state] = P[i, state]
 
@@ -225,15 +226,15 @@ def _correct_antenna(antenna_state, state, error):
 
 
 @jit
-def correct_previous_epoch(x, previous_epoch, delayed, model):
+def correct_previous_epoch(x, previous_epoch, differences, model):
     """Correct the stored estimate of the earlier epoch by the clones in the error state x (n,).
 
     Needed if the error state is fed back between scalar measurements of the same epoch.
     """
-    if delayed is not None:
-        for c in range(delayed.cloned.shape[0]):
-            state = delayed.cloned[c]
-            error = x[delayed.clone + c]
+    if differences is not None:
+        for c in range(differences.cloned_states.shape[0]):
+            state = differences.cloned_states[c]
+            error = x[differences.clone + c]
             for a in range(previous_epoch.antenna.shape[0]):
                 _correct_antenna(previous_epoch.antenna[a], state, error)
             if state == model.clock:
@@ -243,24 +244,24 @@ def correct_previous_epoch(x, previous_epoch, delayed, model):
                     previous_epoch.extra[e] = previous_epoch.extra[e] + error
 
 
-@inlined
-def store_estimate(work, previous_epoch, state_history, late, delayed, model, epoch):
+@inline_jit
+def store_estimate(work, previous_epoch, state_history, delays, differences, model, epoch):
     """Store the estimate at the end of an epoch, for the differences of the next epoch.
 
     Parameters
     ----------
     work : arrays of the run
     previous_epoch : PreviousEpoch, updated in place
-    state_history, late : stored states, and DelayProcessing of a delayed receiver, whose estimate is that of the time
+    state_history, delays : stored states, and DelayProcessing of a delayed receiver, whose estimate is that of the time
         of validity; or None
-    delayed, model : DifferenceProcessing, or None; FilterModel
+    differences, model : DifferenceProcessing, or None; FilterModel
     epoch : index
     """
-    if delayed is not None:
+    if differences is not None:
         for a in range(model.lever_arms.shape[0]):
-            if late is not None and late.receiver >= 0:
-                stored = state_history[place_of(late, late.receiver, epoch)]
-                antenna(previous_epoch.antenna[a], stored, work.rate, model.lever_arms[a], 0.0)
+            if delays is not None and delays.receiver_line >= 0:
+                stored_state = state_history[ring_index(delays, delays.receiver_line, epoch)]
+                antenna(previous_epoch.antenna[a], stored_state, work.rate, model.lever_arms[a], 0.0)
             else:
                 antenna(previous_epoch.antenna[a], work.nav, work.rate, model.lever_arms[a], 0.0)
         previous_epoch.clock[0] = work.clock_hat[0]
@@ -268,25 +269,25 @@ def store_estimate(work, previous_epoch, state_history, late, delayed, model, ep
             previous_epoch.extra[e] = work.extra[e]
 
 
-@inlined
-def clone_formal(P, previous_epoch, delayed):
+@inline_jit
+def clone_covariance(P, previous_epoch, differences):
     """Make the present epoch the earlier one in the covariance P (n, n) of the filter.
 
     The present states are cloned, or the accumulation of the transition starts again.
     """
-    if delayed is not None:
-        if not delayed.back:
-            clone(P, delayed)
-        begin_transition(previous_epoch, delayed)
+    if differences is not None:
+        if not differences.is_back_propagated:
+            clone(P, differences)
+        begin_transition(previous_epoch, differences)
 
 
-@inlined
-def clone_open_loop(x, state_history, open_loop, late, delayed, epoch):
+@inline_jit
+def clone_open_loop(x, state_history, open_loop, delays, differences, epoch):
     """Set the clones in the error state x (n,) of an open loop to the states at the end of an epoch."""
-    if delayed is not None and open_loop is not None:
-        for c in range(delayed.cloned.shape[0]):
-            state = delayed.cloned[c]
-            x[delayed.clone + c] = x[state]
-            if late is not None and late.receiver >= 0 and state < 9:
-                stored = state_history[place_of(late, late.receiver, epoch)]
-                x[delayed.clone + c] = stored[ERROR + state]
+    if differences is not None and open_loop is not None:
+        for c in range(differences.cloned_states.shape[0]):
+            state = differences.cloned_states[c]
+            x[differences.clone + c] = x[state]
+            if delays is not None and delays.receiver_line >= 0 and state < 9:
+                stored_state = state_history[ring_index(delays, delays.receiver_line, epoch)]
+                x[differences.clone + c] = stored_state[ERROR + state]

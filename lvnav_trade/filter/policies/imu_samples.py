@@ -4,8 +4,8 @@ from typing import NamedTuple
 
 from lvnav_trade.filter.ekf import correct_parameters, correct_receiver
 from lvnav_trade.filter.policies.epoch_differences import correct_previous_epoch
-from lvnav_trade.kernels.jit import inlined, jit
-from lvnav_trade.kernels.lanes import like, zeros_of
+from lvnav_trade.kernels.jit import inline_jit, jit
+from lvnav_trade.kernels.lanes import number_like, zeros_of
 from lvnav_trade.kernels.mechanisation import mechanise
 from lvnav_trade.kernels.transition import correct_motion
 from lvnav_trade.kernels.vehicle import N_SAMPLE, advance_vector, fill_samples
@@ -18,10 +18,10 @@ class VehicleModel(NamedTuple):
     motion : First of the six motion states: rate (3) and specific force (3), body axes.
     blocks : (2, n_block, 2). Number and driver of each parameter block of gyro and accelerometer; number -1 none.
     columns : (6, 1 + n_block). States of the Jacobian row of each scalar of a sample.
-    walk : (n_imu, 6) SI squared. Variance of the step of each motion state into each tick.
+    walk : (n_tick, 6) SI squared. Variance of the step of each motion state into each tick.
     variance : (6,) SI squared. Noise variance of each scalar of a sample.
-    rate : (n_imu, 3) rad/s. True mean angular rate over each tick, body axes.
-    force : (n_imu, 3) m/s^2. True mean specific force over each tick, body axes.
+    rate : (n_tick, 3) rad/s. True mean angular rate over each tick, body axes.
+    force : (n_tick, 3) m/s^2. True mean specific force over each tick, body axes.
     """
 
     motion: int
@@ -43,7 +43,7 @@ class ImuSampleWork(NamedTuple):
     weight : (6,). Inverse of the innovation variance of each scalar.
     residual : (6,). Innovation of each scalar after the scalars before it.
     K : (6, n_state). P h' of each scalar after the scalars before it.
-    moved : (9, n_state). Scratch of the covariance propagation over a tick.
+    covariance_scratch : (9, n_state). Scratch of the covariance propagation over a tick.
     h : (6, n_entry). Jacobian of the sample.
     """
 
@@ -54,7 +54,7 @@ class ImuSampleWork(NamedTuple):
     weight: Floats
     residual: Floats
     K: Floats
-    moved: Floats
+    covariance_scratch: Floats
     h: Floats
 
 
@@ -68,7 +68,7 @@ def new_sample_work(n_state: int, n_entry: int, lanes: int = 0) -> ImuSampleWork
         "weight": (6,),
         "residual": (6,),
         "K": (6, n_state),
-        "moved": (9, n_state),
+        "covariance_scratch": (9, n_state),
         "h": (6, max(1, n_entry)),
     }
     return ImuSampleWork(**zeros_of(shapes, lanes))
@@ -79,14 +79,14 @@ def begin_motion(motion, samples):
     """Set the estimated motion to zero, and the last sample to the first true sample."""
     if samples is not None:
         for i in range(3):
-            motion.rate[i] = like(motion.rate[0], 0.0)
-            motion.force[i] = like(motion.rate[0], 0.0)
-            motion.sample[i] = like(motion.rate[0], samples.rate[0, i])
-            motion.sample[3 + i] = like(motion.rate[0], samples.force[0, i])
+            motion.rate[i] = number_like(motion.rate[0], 0.0)
+            motion.force[i] = number_like(motion.rate[0], 0.0)
+            motion.sample[i] = number_like(motion.rate[0], samples.rate[0, i])
+            motion.sample[3 + i] = number_like(motion.rate[0], samples.force[0, i])
 
 
 @jit
-def last_sample(work, motion, samples, n_tick, dt):
+def store_last_sample(work, motion, samples, n_tick, dt):
     """Store the last sample of a window, as the IMU outputs it."""
     if samples is not None:
         for i in range(N_SAMPLE):
@@ -100,33 +100,33 @@ def correct_vehicle(work, motion, model, vehicle):
         correct_parameters(work, model)
         for b in range(model.par_offset.shape[0]):
             for i in range(3):
-                work.x[model.par_offset[b] + i] = like(work.x[0], 0.0)
+                work.x[model.par_offset[b] + i] = number_like(work.x[0], 0.0)
         for i in range(6):
             estimate = motion.rate if i < 3 else motion.force
             state = vehicle.motion + i
             estimate[i % 3] = estimate[i % 3] + work.x[state]
-            work.x[state] = like(work.x[0], 0.0)
+            work.x[state] = number_like(work.x[0], 0.0)
 
 
-@inlined
-def correct_tick(work, parts, case):
+@inline_jit
+def correct_tick(work, optional_state, case):
     """Add the error state to the estimates after a tick. An open loop corrects motion and IMU parameters only."""
-    correct_vehicle(work, parts.motion, case.model, case.options.vehicle)
-    _correct_closed(work, parts.previous_epoch, parts.open_loop, case.options.delayed, case.model)
+    correct_vehicle(work, optional_state.motion, case.model, case.options.vehicle)
+    _correct_closed(work, optional_state.previous_epoch, optional_state.open_loop, case.options.differences, case.model)
 
 
 @jit
-def _correct_closed(work, previous_epoch, open_loop, delayed, model):
+def _correct_closed(work, previous_epoch, open_loop, differences, model):
     if open_loop is None:
         correct_motion(work.nav, work.x)
         correct_receiver(work, model)
-        correct_previous_epoch(work.x, previous_epoch, delayed, model)
+        correct_previous_epoch(work.x, previous_epoch, differences, model)
         for i in range(model.n_state):
-            work.x[i] = like(work.x[0], 0.0)
+            work.x[i] = number_like(work.x[0], 0.0)
 
 
-@inlined
-def predict_samples(run, work, motion, vehicle, at, dt):
+@inline_jit
+def predict_samples(run, work, motion, vehicle, tick, dt):
     """Set `motion.z` to the sample minus its prediction, and `motion.h` to the Jacobian.
 
     The prediction is the estimated motion plus the errors by the estimated IMU parameters.
@@ -134,7 +134,7 @@ def predict_samples(run, work, motion, vehicle, at, dt):
     Parameters
     ----------
     run : number of the run; None in linear covariance, which has no sample
-    at : tick of the window
+    tick : tick of the window
     dt : s, of a tick
     """
     if run is not None:
@@ -142,18 +142,18 @@ def predict_samples(run, work, motion, vehicle, at, dt):
         for i in range(3):
             for sensor in range(2):
                 r = 3 * sensor + i
-                predicted = motion.rate[i] if sensor == 0 else motion.force[i]
+                prediction = motion.rate[i] if sensor == 0 else motion.force[i]
                 for k in range(vehicle.blocks.shape[1]):
                     b = vehicle.blocks[sensor, k, 0]
                     if b >= 0:
                         parameter_error = motion.h[r, 1 + k] * work.par[b, i]
-                        predicted = predicted + parameter_error
-                sample = work.increments[at, r] / dt
+                        prediction = prediction + parameter_error
+                sample = work.increments[tick, r] / dt
                 motion.sample[r] = sample
-                motion.z[r] = sample - predicted
+                motion.z[r] = sample - prediction
 
 
-@inlined
+@inline_jit
 def mechanise_motion(work, motion, case, tick):
     """Integrate the strapdown over a tick with the estimated motion in place of the measured increments."""
     for i in range(3):

@@ -14,17 +14,17 @@ from typing import NamedTuple
 
 from lvnav_trade.filter.decorrelation import decorrelate
 from lvnav_trade.filter.ekf import (
-    channel_of,
     correct_receiver,
     fill_receiver,
-    n_measured,
     place_antenna,
-    row_of,
+    receiver_channel,
+    receiver_row_count,
+    sensor_row,
 )
 from lvnav_trade.filter.policies.delay import repeat_extrapolation
 from lvnav_trade.filter.policies.open_loop import fill_sensor_at_state
 from lvnav_trade.kernels.jit import jit
-from lvnav_trade.kernels.lanes import like, zeros_of
+from lvnav_trade.kernels.lanes import number_like, zeros_of
 from lvnav_trade.kernels.transition import correct_motion
 from lvnav_trade.quantities.records import Floats
 
@@ -45,7 +45,7 @@ class IterationWork(NamedTuple):
 
     P : (n, n). Covariance of the prediction.
     x : (n,). Error state of the prediction.
-    at : (n,). Error state at which rows are linearised, x_i.
+    linearisation_state : (n,). Error state at which rows are linearised, x_i.
     nav : (10,). Navigation state that the error state refers to.
     clock : (2,) m, m/s. Clock estimate that it refers to.
     extra : (n_extra,). Estimated extra states that it refers to.
@@ -54,7 +54,7 @@ class IterationWork(NamedTuple):
 
     P: Floats
     x: Floats
-    at: Floats
+    linearisation_state: Floats
     nav: Floats
     clock: Floats
     extra: Floats
@@ -66,7 +66,7 @@ def new_iteration_work(n_state: int, n_extra: int, lanes: int = 0) -> IterationW
     shapes = {
         "P": (n_state, n_state),
         "x": (n_state,),
-        "at": (n_state,),
+        "linearisation_state": (n_state,),
         "nav": (10,),
         "clock": (2,),
         "extra": (max(1, n_extra),),
@@ -76,9 +76,9 @@ def new_iteration_work(n_state: int, n_extra: int, lanes: int = 0) -> IterationW
 
 
 @jit
-def _copy(to, source):
-    for i in range(to.shape[0]):
-        to[i] = source[i]
+def _copy(target, source):
+    for i in range(target.shape[0]):
+        target[i] = source[i]
 
 
 @jit
@@ -100,8 +100,8 @@ def store_prediction(iteration, work, epoch):
 def _move(work, iteration, passes, model, epoch):
     """Undo the last pass and move the estimates to its result, where rows are linearised next."""
     for i in range(iteration.x.shape[0]):
-        iteration.at[i] = work.x[i] if i < passes.n_present else like(work.x[i], 0.0)
-        work.x[i] = iteration.at[i]
+        iteration.linearisation_state[i] = work.x[i] if i < passes.n_present else number_like(work.x[i], 0.0)
+        work.x[i] = iteration.linearisation_state[i]
         _copy(work.P[i], iteration.P[i])
     _restore_estimates(work, iteration)
     correct_motion(work.nav, work.x)
@@ -126,17 +126,17 @@ def _add_linear_term(work, iteration, model, row, channel):
     for c in range(model.n_entry[channel]):
         entry = model.entry[channel, c]
         state = model.column[channel, c]
-        linear_term = work.H[row, entry] * iteration.at[state]
+        linear_term = work.H[row, entry] * iteration.linearisation_state[state]
         work.z[row] = work.z[row] + linear_term
 
 
 @jit
-def linearise_receiver(work, parts, case, iteration, epoch):
+def linearise_receiver(work, optional_state, case, iteration, epoch):
     """Undo the last pass and set the receiver's rows, linearised at its result.
 
     Parameters
     ----------
-    work, parts : arrays of the run and of its optional features
+    work, optional_state : arrays of the run and of its optional features
     case : FilterCase
     iteration : IterationWork, of `store_prediction`
     epoch : index
@@ -144,27 +144,27 @@ def linearise_receiver(work, parts, case, iteration, epoch):
     model = case.model
     signals = case.signals
     options = case.options
-    _move(work, iteration, options.iterated, model, epoch)
-    place_antenna(work, parts.state_history, options.late, model, case.step, epoch)
-    fill_receiver(work, parts.previous_epoch, options.delayed, model, signals, epoch)
-    for row in range(n_measured(model, signals, epoch)):
-        channel = channel_of(model, signals, epoch, row)
+    _move(work, iteration, options.iteration_settings, model, epoch)
+    place_antenna(work, optional_state.state_history, options.delay_processing, model, case.step, epoch)
+    fill_receiver(work, optional_state.previous_epoch, options.differences, model, signals, epoch)
+    for row in range(receiver_row_count(model, signals, epoch)):
+        channel = receiver_channel(model, signals, epoch, row)
         _add_linear_term(work, iteration, model, row, channel)
     _restore_estimates(work, iteration)
-    place_antenna(work, parts.state_history, options.late, model, case.step, epoch)
-    repeat_extrapolation(parts.state_history, options.late)
-    decorrelate(work, parts, case, parts.receiver, options.late, epoch)
+    place_antenna(work, optional_state.state_history, options.delay_processing, model, case.step, epoch)
+    repeat_extrapolation(optional_state.state_history, options.delay_processing)
+    decorrelate(work, optional_state, case, optional_state.receiver, options.delay_processing, epoch)
 
 
 @jit
-def linearise_sensor(work, parts, case, iteration, k, epoch):
+def linearise_sensor(work, optional_state, case, iteration, k, epoch):
     """Undo the last pass and set the rows of sensor k, linearised at its result."""
     model = case.model
     sensors = case.sensors
     first_channel = sensors.channel[k]
-    first_row = row_of(model, work, first_channel)
-    _move(work, iteration, case.options.iterated, model, epoch)
-    fill_sensor_at_state(work, parts, case, k, epoch)
+    first_row = sensor_row(model, work, first_channel)
+    _move(work, iteration, case.options.iteration_settings, model, epoch)
+    fill_sensor_at_state(work, optional_state, case, k, epoch)
     for i in range(sensors.scalars[k]):
         _add_linear_term(work, iteration, model, first_row + i, first_channel + i)
     _restore_estimates(work, iteration)

@@ -13,11 +13,11 @@ the processing of measurements.
 from typing import NamedTuple
 
 from lvnav_trade.filter import ekf
-from lvnav_trade.filter.policies.delay import correct_stored_errors, place_of, predicted_of_stored
+from lvnav_trade.filter.policies.delay import correct_stored_errors, prediction_change, ring_index
 from lvnav_trade.filter.policies.mode_logic import MODE, PREDICTED, is_correcting
 from lvnav_trade.kernels import processes
 from lvnav_trade.kernels.covariance import apply_phi
-from lvnav_trade.kernels.jit import inlined, jit
+from lvnav_trade.kernels.jit import inline_jit, jit
 from lvnav_trade.kernels.lanes import where, zeros_of
 from lvnav_trade.kernels.transition import EVERY_WINDOW
 from lvnav_trade.quantities.records import Floats
@@ -47,7 +47,7 @@ def new_open_loop(n_state: int, n_par: int, n_extra: int, lanes: int = 0) -> Ope
 
 
 @jit
-def propagate_open_loop(work, sigma_points, open_loop, model, length, linearised):
+def propagate_open_loop(work, sigma_points, open_loop, model, length_index, linearisation):
     """Propagate the error state of an open loop over a window.
 
     The transition matrix is that of the window itself, even if the covariance is linearised less often: the error state
@@ -58,22 +58,22 @@ def propagate_open_loop(work, sigma_points, open_loop, model, length, linearised
     sigma_points : SigmaPoints of an unscented filter, whose mean gives the navigation errors; None with Jacobians
     open_loop : OpenLoop, or None in a closed loop
     model : FilterModel
-    length : index of the window length
-    linearised : how the window changes the rates at which the covariance is linearised, as in `kernels.transition`
+    length_index : index of the window length
+    linearisation : how the window changes the rates at which the covariance is linearised, as in `kernels.transition`
     """
     if open_loop is not None:
-        if linearised != EVERY_WINDOW:
+        if linearisation != EVERY_WINDOW:
             for i in range(work.sums.shape[0]):
-                work.sums[i] = work.rates[1, i] * model.seconds[length]
-            ekf.fill_transition(work, model, length)
+                work.sums[i] = work.rates[1, i] * model.seconds[length_index]
+            ekf.fill_transition(work, model, length_index)
         apply_phi(
             work.x,
             work.D,
             model.block_rows,
             model.block_columns,
-            model.decay[length],
+            model.decay[length_index],
             model.clock,
-            model.seconds[length],
+            model.seconds[length_index],
         )
         if sigma_points is not None:
             for i in range(sigma_points.mean.shape[0]):
@@ -81,46 +81,46 @@ def propagate_open_loop(work, sigma_points, open_loop, model, length, linearised
 
 
 @jit
-def propagate_held(work, mode_state, rules, model, length):
+def propagate_held_correction(work, mode_state, rules, model, length_index):
     """Propagate what a mode logic (ModeState, or None) holds over a window, where the rules ask for it, by the
     transition that `propagate_open_loop` has left in `work.D`.
     """
     if mode_state is not None and rules.after_stop == PREDICTED:
         apply_phi(
-            mode_state.held,
+            mode_state.held_correction,
             work.D,
             model.block_rows,
             model.block_columns,
-            model.decay[length],
+            model.decay[length_index],
             model.clock,
-            model.seconds[length],
+            model.seconds[length_index],
         )
 
 
 @jit
-def apply_feedback(work, state_history, open_loop, late, model):
+def apply_feedback(work, state_history, open_loop, delays, model):
     """Feed the error state back in a closed loop; in an open loop correct the stored states of late measurements."""
     if open_loop is None:
-        ekf.correct(work, state_history, late, model)
+        ekf.correct(work, state_history, delays, model)
     else:
-        correct_stored_errors(state_history, late, work.x, open_loop.x)
+        correct_stored_errors(state_history, delays, work.x, open_loop.x)
 
 
 @jit
-def _copy(to, source):
+def _copy(target, source):
     for i in range(source.shape[0]):
-        to[i] = source[i]
+        target[i] = source[i]
 
 
 @jit
-def _copy_estimates(to, source):
+def _copy_estimates(target, source):
     """Copy error state, inertial system and estimates from the arrays of a run to those of its open loop, or back."""
-    _copy(to.x, source.x)
-    _copy(to.nav, source.nav)
-    _copy(to.clock_hat, source.clock_hat)
-    _copy(to.extra, source.extra)
+    _copy(target.x, source.x)
+    _copy(target.nav, source.nav)
+    _copy(target.clock_hat, source.clock_hat)
+    _copy(target.extra, source.extra)
     for b in range(source.par.shape[0]):
-        _copy(to.par[b], source.par[b])
+        _copy(target.par[b], source.par[b])
 
 
 @jit
@@ -134,7 +134,7 @@ def apply_correction(work, open_loop, mode_state, model):
     if mode_state is not None:
         for i in range(work.x.shape[0]):
             correcting = is_correcting(mode_state.state[MODE])
-            work.x[i] = where(correcting > 0.0, work.x[i], mode_state.held[i])
+            work.x[i] = where(correcting > 0.0, work.x[i], mode_state.held_correction[i])
     ekf.correct(work, None, None, model)
 
 
@@ -146,50 +146,50 @@ def remove_correction(work, open_loop, model):
 
 
 @jit
-def compare_receiver(work, state_history, case, late, epoch):
+def compare_receiver(work, state_history, case, delays, epoch):
     """Correct the innovations of delayed receiver measurements for the change of the error state since their time of
     validity (open loop; DelayProcessing, or None).
     """
-    if late is not None and not late.extrapolated:
+    if delays is not None and not delays.is_extrapolated:
         model = case.model
-        place = place_of(late, late.receiver, epoch)
-        for row in range(ekf.n_measured(model, case.signals, epoch)):
-            channel = ekf.channel_of(model, case.signals, epoch, row)
+        place = ring_index(delays, delays.receiver_line, epoch)
+        for row in range(ekf.receiver_row_count(model, case.signals, epoch)):
+            channel = ekf.receiver_channel(model, case.signals, epoch, row)
             n = model.n_entry[channel]
             entries = model.entry[channel, :n]
             columns = model.column[channel, :n]
-            change = predicted_of_stored(state_history, place, work.H[row], entries, columns, work.x)
+            change = prediction_change(state_history, place, work.H[row], entries, columns, work.x)
             work.z[row] = work.z[row] - change
 
 
 @jit
-def _compare_sensor(work, state_history, case, open_loop, late, k, epoch):
+def _compare_sensor(work, state_history, case, open_loop, delays, k, epoch):
     """Correct the innovations of sensor k as `compare_receiver` does, for the error state before this epoch."""
-    if open_loop is not None and late is not None and late.of_sensor[k] >= 0:
+    if open_loop is not None and delays is not None and delays.sensor_line[k] >= 0:
         model = case.model
-        place = place_of(late, late.of_sensor[k], epoch)
+        place = ring_index(delays, delays.sensor_line[k], epoch)
         first_channel = case.sensors.channel[k]
-        first_row = ekf.row_of(model, work, first_channel)
+        first_row = ekf.sensor_row(model, work, first_channel)
         for i in range(case.sensors.scalars[k]):
             channel = first_channel + i
             row = first_row + i
             n = model.n_entry[channel]
             entries = model.entry[channel, :n]
             columns = model.column[channel, :n]
-            change = predicted_of_stored(state_history, place, work.H[row], entries, columns, open_loop.x)
+            change = prediction_change(state_history, place, work.H[row], entries, columns, open_loop.x)
             work.z[row] = work.z[row] - change
 
 
-@inlined
-def fill_sensor_at_state(work, parts, case, k, epoch):
+@inline_jit
+def fill_sensor_at_state(work, optional_state, case, k, epoch):
     """Set the rows of sensor k at the present navigation state; in an open loop correct those of a late sensor."""
-    late = case.options.late
-    ekf.fill_sensor(work, parts.state_history, late, case.model, case.signals, case.sensors, k, epoch)
-    _compare_sensor(work, parts.state_history, case, parts.open_loop, late, k, epoch)
+    delays = case.options.delay_processing
+    ekf.fill_sensor(work, optional_state.state_history, delays, case.model, case.signals, case.sensors, k, epoch)
+    _compare_sensor(work, optional_state.state_history, case, optional_state.open_loop, delays, k, epoch)
 
 
-@inlined
-def begin_sum(open_loop, x):
+@inline_jit
+def store_prior_state(open_loop, x):
     """Store the error state x (n,) at the beginning of an epoch of an open loop (OpenLoop, or None)."""
     if open_loop is not None:
         _copy(open_loop.x, x)

@@ -16,14 +16,14 @@ if TYPE_CHECKING:
 else:
     Check = Literal[CHECKS]
 AfterStop = Literal["inertial", "held", "predicted"]
-AFTER_STOP: tuple[AfterStop, ...] = ("inertial", "held", "predicted")  # in the order of the numbers in monitor.py
-Persisting = Literal["data_loss", "residual", "covariance"]
+AFTER_STOP: tuple[AfterStop, ...] = ("inertial", "held", "predicted")  # in the order of the numbers in mode_logic.py
+PersistentError = Literal["data_loss", "residual", "covariance"]
 
 
 class LogicCard(units.Card):
     """Rules of a mode logic: start, acceptance of samples, stop and restart. A rule that is not set is off."""
 
-    check_flags: Annotated[tuple[Check, ...], AfterValidator(units.distinct)] = Field(
+    check_flags: Annotated[tuple[Check, ...], AfterValidator(units.require_distinct)] = Field(
         CHECKS,
         description="reject output that the receiver marks as invalid by these flags; fresh: reject output that is "
         "repeated; true: all, false: none",
@@ -53,16 +53,16 @@ class LogicCard(units.Card):
         None, description="a larger one-sigma, or one that is not a number, is a covariance error"
     )
     covariance_velocity: Annotated[units.Speed, Field(gt=0.0)] | None = None  # the same for velocity
-    restart_after: tuple[Persisting, ...] = Field(
+    restart_after: tuple[PersistentError, ...] = Field(
         ("data_loss", "residual", "covariance"),
         description="errors after which the filter restarts when samples are good",
     )
 
     @field_validator("check_flags", mode="before")
     @classmethod
-    def _all_or_none(cls, given: Any) -> Any:
+    def _expand_flags(cls, setting: Any) -> Any:
         """Return all checks for true, none for false."""
-        return {True: CHECKS, False: ()}[given] if isinstance(given, bool) else given
+        return {True: CHECKS, False: ()}[setting] if isinstance(setting, bool) else setting
 
 
 class IntegrityCard(units.Card):
@@ -80,7 +80,7 @@ class IntegrityCard(units.Card):
     )
 
 
-def thresholds_of(card: IntegrityCard, n_test: int, most: int, interval: float) -> FaultTests:
+def build_fault_tests(card: IntegrityCard, n_test: int, max_satellite_count: int, interval: float) -> FaultTests:
     """Return the thresholds of the tests.
 
     Parameters
@@ -89,7 +89,7 @@ def thresholds_of(card: IntegrityCard, n_test: int, most: int, interval: float) 
         Levels of the tests.
     n_test
         Number of scalar measurements on the nominal flight. Each is tested twice: alone and within its window.
-    most
+    max_satellite_count
         Largest number of satellites in use at once.
     interval
         s. Time between epochs.
@@ -100,15 +100,15 @@ def thresholds_of(card: IntegrityCard, n_test: int, most: int, interval: float) 
     thresholds are chi-square quantiles of that level, or of the isolation level.
     """
     level = card.false_alarm / (2 * max(1, n_test))
-    freedom = np.arange(1, max(2, most))
+    freedom = np.arange(1, max(2, max_satellite_count))
     return FaultTests(
-        single=float(chdtri(1, level)),
-        windowed=float(chdtri(card.window, level)),
+        single_limit=float(chdtri(1, level)),
+        window_limit=float(chdtri(card.window, level)),
         window=card.window,
-        consistent=np.concatenate([[np.inf], chdtri(freedom, card.isolation)]),
-        shift=float(chdtri(3, card.isolation)),
-        joint=float(chdtri(4, card.isolation)),
-        offset=float(chdtri(1, card.isolation)),
+        residual_limits=np.concatenate([[np.inf], chdtri(freedom, card.isolation)]),
+        shift_limit=float(chdtri(3, card.isolation)),
+        joint_limit=float(chdtri(4, card.isolation)),
+        clock_limit=float(chdtri(1, card.isolation)),
         hold=max(1.0, float(np.ceil(card.hold / interval - 1e-9))),
         exclusions=card.exclusions,
         recovery=card.recovery,

@@ -16,14 +16,14 @@ from lvnav_trade.kernels.lanes import where
 @jit
 def is_reference(model, signals, epoch, row):
     """Return whether a row is a measurement of the reference satellite."""
-    return signals.reference[epoch, row % model.n_kind] == row // model.n_kind
+    return signals.reference[epoch, row % model.n_observable] == row // model.n_observable
 
 
 @jit
-def leave_out(z, starts, delayed, model, row):
+def clear_first_difference(z, is_starting, differences, model, row):
     """Set a difference of two epochs to not-a-number where the filter starts at the later epoch.
 
-    The filter has no estimate of the earlier epoch then. starts : condition by lane, or None without a mode logic.
+    The filter has no estimate of the earlier epoch then. is_starting : condition by lane, or None without a mode logic.
     """
-    if starts is not None and delayed is not None and delayed.difference[row % model.n_kind]:
-        z[row] = where(starts, np.nan, z[row])
+    if is_starting is not None and differences is not None and differences.is_difference[row % model.n_observable]:
+        z[row] = where(is_starting, np.nan, z[row])

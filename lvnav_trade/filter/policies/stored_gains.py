@@ -32,7 +32,7 @@ class GainSegment(Card):
     knots: tuple[GainKnot, ...] = Field(min_length=1)
 
     def _faults(self) -> Iterator[str]:
-        if any(after.since <= before.since for before, after in pairwise(self.knots)):
+        if any(later_knot.since <= earlier_knot.since for earlier_knot, later_knot in pairwise(self.knots)):
             yield f"segment {self.event!r}: the times of its knots should rise"
 
 
@@ -52,7 +52,7 @@ class GainSchedule(NamedCard):
     digest: str = Field(description="digest of states and segments; gains that were changed by hand are refused")
 
     def _faults(self) -> list[str]:
-        digest = digest_of(self.states, self.segments, self.measurements)
+        digest = schedule_digest(self.states, self.segments, self.measurements)
         n = len(self.states)
         m = len(self.measurements)
         gains = [knot.gain for segment in self.segments for knot in segment.knots]
@@ -75,14 +75,14 @@ class StoredGains(NamedTuple):
     """Stored gains of a flight, as arrays for the kernels.
 
     gain : (n_epoch, n_channel, n_state) SI. Gain of each state.
-    stored : (n_channel,). Whether the schedule has gains for the channel; other channels are not processed.
+    is_stored : (n_channel,). Whether the schedule has gains for the channel; other channels are not processed.
     """
 
     gain: Floats
-    stored: Bools
+    is_stored: Bools
 
 
-def digest_of(states: Sequence[str], segments: Sequence[GainSegment], measurements: Sequence[str] = ROWS) -> str:
+def schedule_digest(states: Sequence[str], segments: Sequence[GainSegment], measurements: Sequence[str] = ROWS) -> str:
     """Return the digest of a schedule's content, 16 hexadecimal digits."""
     numbers = []
     for segment in segments:
@@ -95,7 +95,7 @@ def digest_of(states: Sequence[str], segments: Sequence[GainSegment], measuremen
     return hashlib.sha256(json.dumps(content).encode()).hexdigest()[:16]
 
 
-def gains_at(schedule: GainSchedule, t: Floats, events: Mapping[str, float]) -> Floats:
+def evaluate_schedule(schedule: GainSchedule, t: Floats, events: Mapping[str, float]) -> Floats:
     """Return the gains of a schedule at given times of a flight.
 
     By event, the segment is that of the last event, and the gains are those at the time since that event. Before the
@@ -133,27 +133,27 @@ def gains_at(schedule: GainSchedule, t: Floats, events: Mapping[str, float]) -> 
     gains = np.empty((len(t), len(schedule.measurements), len(schedule.states)))
     for place, k in enumerate(order):
         in_segment = place_of_segment == place
-        since = t[in_segment] - starts[k]
-        gains[in_segment] = _interpolate(schedule.segments[k], since)
+        elapsed_time = t[in_segment] - starts[k]
+        gains[in_segment] = _interpolate(schedule.segments[k], elapsed_time)
     return gains
 
 
-def _interpolate(segment: GainSegment, since: Floats) -> Floats:
-    """Return the gains (n, n_measurement, n_state) at `since` (n,) s after the event of a segment, linear in time."""
+def _interpolate(segment: GainSegment, elapsed_time: Floats) -> Floats:
+    """Return the gains (n, n_measurement, n_state) of a segment at times (n,) s after its event, linear in time."""
     times = np.array([knot.since for knot in segment.knots])
     gains = np.array([knot.gain for knot in segment.knots])
     last = len(times) - 1
-    next_knot = np.searchsorted(times, since, side="right")
-    after = np.clip(next_knot, min(1, last), last)
-    before = np.maximum(after - 1, 0)
-    span = np.where(after > before, times[after] - times[before], 1.0)
-    elapsed = since - times[before]
-    fraction = np.clip(elapsed / span, 0.0, 1.0)[:, None, None]
-    change = gains[after] - gains[before]
-    return np.asarray(gains[before] + fraction * change)
+    next_knot = np.searchsorted(times, elapsed_time, side="right")
+    next_index = np.clip(next_knot, min(1, last), last)
+    previous_index = np.maximum(next_index - 1, 0)
+    span = np.where(next_index > previous_index, times[next_index] - times[previous_index], 1.0)
+    time_from_knot = elapsed_time - times[previous_index]
+    fraction = np.clip(time_from_knot / span, 0.0, 1.0)[:, None, None]
+    change = gains[next_index] - gains[previous_index]
+    return np.asarray(gains[previous_index] + fraction * change)
 
 
-def thin(t: Floats, gains: Floats, tolerance: float, negligible: Floats | float = 0.0) -> list[int]:
+def thin_knots(t: Floats, gains: Floats, tolerance: float, negligible: Floats | float = 0.0) -> list[int]:
     """Return the indices of knots that represent gains by linear interpolation (Douglas and Peucker).
 
     The sample with the largest error becomes a knot, until no error exceeds the tolerance.
@@ -173,7 +173,7 @@ def thin(t: Floats, gains: Floats, tolerance: float, negligible: Floats | float 
     # a scale of at least negligible / tolerance, so that an error of `negligible` is within the tolerance
     least_scale = np.maximum(np.ravel(negligible) / tolerance, 1e-300)
     largest = np.abs(flat).max(axis=0)
-    scaled = flat / np.maximum(largest, least_scale)
+    relative_gains = flat / np.maximum(largest, least_scale)
     end = len(t) - 1
     knots = {0, end}
     open_spans = [(0, end)]
@@ -184,9 +184,9 @@ def thin(t: Floats, gains: Floats, tolerance: float, negligible: Floats | float 
         inner = np.arange(first + 1, last)
         span = t[last] - t[first]
         fraction = ((t[inner] - t[first]) / span)[:, None]
-        change = scaled[last] - scaled[first]
-        line = scaled[first] + fraction * change
-        error = np.abs(scaled[inner] - line).max(axis=1)
+        change = relative_gains[last] - relative_gains[first]
+        line = relative_gains[first] + fraction * change
+        error = np.abs(relative_gains[inner] - line).max(axis=1)
         if error.max() > tolerance:
             middle = int(inner[np.argmax(error)])
             knots.add(middle)
@@ -210,10 +210,10 @@ class GainHistory(NamedTuple):
     gains: Floats
 
 
-def schedule_of(
+def build_gain_schedule(
     name: str,
     source: str,
-    by: Literal["event", "time"],
+    time_reference: Literal["event", "time"],
     history: GainHistory,
     events: Mapping[str, float],
     tolerance: float = 0.02,
@@ -226,7 +226,7 @@ def schedule_of(
     ----------
     name, source
         Name of the schedule, and of the flight that it was computed on.
-    by
+    time_reference
         Whether the times of a segment count from its event or from lift-off.
     history
         Gains along the flight.
@@ -238,7 +238,7 @@ def schedule_of(
     t = history.t
     negligible = NEGLIGIBLE * np.abs(history.gains).max(axis=0)
     gains = np.where(np.abs(history.gains) < negligible, 0.0, history.gains)
-    starts = [("liftoff", 0.0)] if by == "time" else _segment_starts(t, events)
+    starts = [("liftoff", 0.0)] if time_reference == "time" else _segment_starts(t, events)
     segments = []
     for k, (event, start) in enumerate(starts):
         first_time = start if k > 0 else -np.inf  # gains before the first event belong to its segment
@@ -247,30 +247,30 @@ def schedule_of(
         if not samples.size:
             continue
         segment_gains = gains[samples]
-        since = t[samples] - (0.0 if by == "time" else start)
+        elapsed_time = t[samples] - (0.0 if time_reference == "time" else start)
         knots = []
-        for i in thin(since, segment_gains, tolerance, negligible):
-            knot_time = round(float(since[i]), 6)
+        for i in thin_knots(elapsed_time, segment_gains, tolerance, negligible):
+            knot_time = round(float(elapsed_time[i]), 6)
             knots.append(GainKnot(since=knot_time, gain=_round_gain(segment_gains[i])))
         segments.append(GainSegment(event=event, knots=tuple(knots)))
     states = tuple(history.states)
     return GainSchedule(
         name=name,
         source=source,
-        by=by,
+        by=time_reference,
         states=states,
         measurements=tuple(history.measurements),
         segments=tuple(segments),
-        digest=digest_of(states, segments, history.measurements),
+        digest=schedule_digest(states, segments, history.measurements),
     )
 
 
 def _segment_starts(t: Floats, events: Mapping[str, float]) -> list[tuple[str, float]]:
     """Return the events in order of time, with their times, without those (but the first) that no sample follows."""
-    ordered = sorted((start, event) for event, start in events.items())
+    sorted_events = sorted((start, event) for event, start in events.items())
     starts = []
-    for k, (start, event) in enumerate(ordered):
-        end = ordered[k + 1][0] if k + 1 < len(ordered) else np.inf
+    for k, (start, event) in enumerate(sorted_events):
+        end = sorted_events[k + 1][0] if k + 1 < len(sorted_events) else np.inf
         if k == 0 or np.any(_is_within(t, start, end)):
             starts.append((event, start))
     return starts

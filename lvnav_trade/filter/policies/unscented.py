@@ -25,9 +25,9 @@ from lvnav_trade.filter.ekf import (
 )
 from lvnav_trade.kernels import processes
 from lvnav_trade.kernels.attitude import multiply
-from lvnav_trade.kernels.covariance import add_turned, finish_window
-from lvnav_trade.kernels.jit import inlined, jit
-from lvnav_trade.kernels.lanes import like, sqrt, where, zeros_of
+from lvnav_trade.kernels.covariance import add_axis_noise, finish_window
+from lvnav_trade.kernels.jit import inline_jit, jit
+from lvnav_trade.kernels.lanes import number_like, sqrt, where, zeros_of
 from lvnav_trade.kernels.mechanisation import mechanise
 from lvnav_trade.kernels.strapdown import N_SUM, Q, R, V
 from lvnav_trade.kernels.transition import ATT, POS, VEL, correct_motion
@@ -48,7 +48,7 @@ class SigmaPoints(NamedTuple):
     state : (10,). Navigation state of a point.
     last : (6,) rad, m/s. Last increments of a point.
     sums : (18,). Strapdown integrals of a point over the window.
-    compensated : (n_tick, 6) rad, m/s. Increments compensated by the IMU parameters of a point.
+    compensated_increments : (n_tick, 6) rad, m/s. Increments compensated by the IMU parameters of a point.
     par : (n_par, 3). IMU parameters of a point.
     tables : (2, N_TABLE). Compensation tables of gyro and accelerometer, from these parameters.
     x : (9,). Navigation error of a point relative to the estimate.
@@ -60,7 +60,7 @@ class SigmaPoints(NamedTuple):
     z : (n_row,). Measurement minus its prediction at the estimate.
     row_odd : (n_row, 9). Odd part of the predicted measurement, by navigation error.
     row_even : (n_row, 9). Even part of the predicted measurement, by navigation error.
-    spread : (n_row,). Variance of the prediction that its regression slope does not explain.
+    residual_variance : (n_row,). Variance of the prediction that its regression slope does not explain.
     """
 
     nav: Floats
@@ -69,7 +69,7 @@ class SigmaPoints(NamedTuple):
     state: Floats
     last: Floats
     sums: Floats
-    compensated: Floats
+    compensated_increments: Floats
     par: Floats
     tables: Floats
     x: Floats
@@ -81,7 +81,7 @@ class SigmaPoints(NamedTuple):
     z: Floats
     row_odd: Floats
     row_even: Floats
-    spread: Floats
+    residual_variance: Floats
 
 
 def new_sigma_points(n_state: int, n_par: int, n_tick: int, n_row: int, lanes: int = 0) -> SigmaPoints:
@@ -94,7 +94,7 @@ def new_sigma_points(n_state: int, n_par: int, n_tick: int, n_row: int, lanes: i
         "state": (10,),
         "last": (6,),
         "sums": (N_SUM,),
-        "compensated": (n_tick, 6),
+        "compensated_increments": (n_tick, 6),
         "par": (max(1, n_par), 3),
         "tables": (2, processes.N_TABLE),
         "x": (N_NAV,),
@@ -106,19 +106,19 @@ def new_sigma_points(n_state: int, n_par: int, n_tick: int, n_row: int, lanes: i
         "z": (n_row,),
         "row_odd": (n_row, N_NAV),
         "row_even": (n_row, N_NAV),
-        "spread": (n_row,),
+        "residual_variance": (n_row,),
     }
     return SigmaPoints(**zeros_of(shapes, lanes))
 
 
 @jit
-def _copy(to, source, n):
+def _copy(target, source, n):
     for i in range(n):
-        to[i] = source[i]
+        target[i] = source[i]
 
 
-@inlined
-def hold_window(sigma_points, work, n_tick):
+@inline_jit
+def store_window_start(sigma_points, work, n_tick):
     """Store the navigation state and the increments at the start of a window, from which every point is propagated."""
     if sigma_points is not None:
         _copy(sigma_points.nav, work.nav, 10)
@@ -224,9 +224,9 @@ def _propagate_point(sigma_points, work, case, column, reach, w):
     _fill_point(sigma_points, work, model, column, reach)
     _copy(sigma_points.last, sigma_points.previous, 6)
     for k in range(n_tick):
-        _copy(sigma_points.compensated[k], sigma_points.increments[k], 6)
+        _copy(sigma_points.compensated_increments[k], sigma_points.increments[k], 6)
     processes.compensate(
-        sigma_points.compensated,
+        sigma_points.compensated_increments,
         n_tick,
         sigma_points.tables[0],
         sigma_points.tables[1],
@@ -237,7 +237,7 @@ def _propagate_point(sigma_points, work, case, column, reach, w):
         sigma_points.state,
         sigma_points.sums,
         sigma_points.last,
-        sigma_points.compensated,
+        sigma_points.compensated_increments,
         n_tick // model.strapdown.subsamples,
         case.step,
         model.strapdown,
@@ -255,7 +255,7 @@ def _propagate_point(sigma_points, work, case, column, reach, w):
 def _propagate_points(sigma_points, work, case, open_loop, w):
     """Propagate all sigma points over window w: sets their odd and even parts, centre and mean."""
     for i in range(N_NAV):
-        sigma_points.centre[i] = like(work.x[0], 0.0)
+        sigma_points.centre[i] = number_like(work.x[0], 0.0)
     if open_loop is not None:  # the strapdown is uncorrected, so the estimate needs a propagation of its own
         _propagate_point(sigma_points, work, case, 0, 0.0, w)
         _copy(sigma_points.centre, sigma_points.x, N_NAV)
@@ -282,7 +282,7 @@ def _set_navigation_covariance(P, sigma_points):
     n = P.shape[0]
     for i in range(N_NAV):
         for j in range(i, n):
-            total = like(P[0, 0], 0.0)
+            total = number_like(P[0, 0], 0.0)
             for column in range(sigma_points.odd.shape[0]):
                 odd = sigma_points.odd[column]
                 even = sigma_points.even[column]
@@ -295,7 +295,7 @@ def _set_navigation_covariance(P, sigma_points):
             P[j, i] = total
 
 
-@inlined
+@inline_jit
 def propagate_by_points(work, case, sigma_points, open_loop, w):
     """Propagate covariance and estimates over window w by sigma points.
 
@@ -305,27 +305,27 @@ def propagate_by_points(work, case, sigma_points, open_loop, w):
     ----------
     work : arrays of the run
     case : FilterCase
-    sigma_points : SigmaPoints, with the start of the window stored by `hold_window`
+    sigma_points : SigmaPoints, with the start of the window stored by `store_window_start`
     open_loop : OpenLoop, whose error state is propagated too; None in a closed loop
     w : window
     """
     model = case.model
     P = work.P
-    length = case.schedule.length[w]
-    noise = model.noise[length]
-    seconds = model.seconds[length]
-    fill_transition(work, model, length)  # the error state of an open loop and a backup strapdown need it
-    apply_robustness(P, model, length)
+    length_index = case.schedule.length_index[w]
+    noise = model.noise[length_index]
+    seconds = model.seconds[length_index]
+    fill_transition(work, model, length_index)  # the error state of an open loop and a backup strapdown need it
+    apply_robustness(P, model, length_index)
     for i in range(P.shape[0]):
         P[i, i] = P[i, i] + 0.5 * noise[i]
-    add_turned(P, model.uneven, work.sums, seconds)
+    add_axis_noise(P, model.excess_density, work.sums, seconds)
     # the points spread by the covariance with half of the noise, about the estimate before the window
     factorise(sigma_points.root, P, model, sigma_points.odd.shape[0])
     _propagate_points(sigma_points, work, case, open_loop, w)
     _set_navigation_covariance(P, sigma_points)
-    finish_window(P, model.decay[length], noise, model.clock, seconds)
-    add_turned(P, model.uneven, work.sums, seconds)
+    finish_window(P, model.decay[length_index], noise, model.clock, seconds)
+    add_axis_noise(P, model.excess_density, work.sums, seconds)
     inject(P, model, case.schedule.injection[w])
     if open_loop is None:
         correct_motion(work.nav, sigma_points.mean)
-    propagate_estimates(work, model, length)
+    propagate_estimates(work, model, length_index)

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from lvnav_trade.kernels.jit import jit
-from lvnav_trade.kernels.lanes import like
+from lvnav_trade.kernels.lanes import number_like
 from lvnav_trade.kernels.random import normals
 from lvnav_trade.quantities.records import Bools, Floats
 
@@ -31,19 +31,19 @@ class Smoothing(NamedTuple):
     source: np.uint64
 
 
-def gains(tracked: Bools, locked: Bools, longest: int) -> Floats:
+def gains(is_tracked: Bools, is_locked: Bools, longest: int) -> Floats:
     """Return the gains (n_epoch, n_sat) of the Hatch filter.
 
-    tracked : (n_epoch, n_sat). Whether the satellite is tracked.
-    locked : (n_epoch, n_sat). Whether its carrier was tracked without interruption since the previous epoch.
+    is_tracked : (n_epoch, n_sat). Whether the satellite is tracked.
+    is_locked : (n_epoch, n_sat). Whether its carrier was tracked without interruption since the previous epoch.
     longest : Window in epochs.
     """
-    count = np.zeros(tracked.shape[1])
-    gain = np.zeros(tracked.shape)
-    for epoch in range(len(tracked)):
-        epochs_of_lock = np.where(locked[epoch], count + 1.0, 1.0)
-        count = np.where(tracked[epoch], epochs_of_lock, 0.0)
-        gain[epoch] = np.where(tracked[epoch], 1.0 / np.clip(count, 1.0, longest), 0.0)
+    count = np.zeros(is_tracked.shape[1])
+    gain = np.zeros(is_tracked.shape)
+    for epoch in range(len(is_tracked)):
+        epochs_of_lock = np.where(is_locked[epoch], count + 1.0, 1.0)
+        count = np.where(is_tracked[epoch], epochs_of_lock, 0.0)
+        gain[epoch] = np.where(is_tracked[epoch], 1.0 / np.clip(count, 1.0, longest), 0.0)
     return gain
 
 
@@ -64,13 +64,13 @@ def smoothing_error(gain: Floats, difference: Floats) -> Floats:
 
 
 @jit
-def _code_minus_carrier(shared, errors, smoothing, epoch, s):
+def _code_minus_carrier(correlated_errors, errors, smoothing, epoch, s):
     """Return code minus carrier (m) of satellite s due to the correlated measurement errors (n_component,)."""
-    total = like(errors[0], 0.0)
+    total = number_like(errors[0], 0.0)
     for family in range(smoothing.code.shape[0]):
         partial = smoothing.code[family, epoch, s]
         if partial != 0.0:
-            component = shared.member[family, 2 * s]
+            component = correlated_errors.member[family, 2 * s]
             total = total + partial * errors[component]
     return total
 
@@ -84,7 +84,7 @@ def smooth(receiver, work, smoothing, signals, word, epoch, key):
     receiver : Receiver
         `average` is updated.
     work : Work
-        Of the run: its number; `ranges` (n_slot, 2), updated; `shared` (n_component,) correlated measurement errors.
+        Arrays of the run: its number, `ranges` (n_slot, 2), updated, and `correlated_errors` (n_component,).
     smoothing : Smoothing or None
     signals : Signals
     word, key
@@ -97,15 +97,15 @@ def smooth(receiver, work, smoothing, signals, word, epoch, key):
     run = work.run[0]
     ranges = work.ranges
     for slot in range(signals.n_used[epoch]):
-        s = signals.used[epoch, slot]
-        code_normal, _, _, _ = normals(k0, k1, signals.sources[1], run, word, signals.words[s])
-        phase_normal, _, _, _ = normals(k0, k1, smoothing.source, run, word, signals.words[s])
+        s = signals.satellite_by_slot[epoch, slot]
+        code_normal, _, _, _ = normals(k0, k1, signals.source_keys[1], run, word, signals.satellite_keys[s])
+        phase_normal, _, _, _ = normals(k0, k1, smoothing.source, run, word, signals.satellite_keys[s])
         # code minus carrier: white noise of both, then correlated errors; range and clock are in both
         code_noise = signals.sigma[epoch, 2 * s] * code_normal
         phase_noise = smoothing.sigma[epoch, s] * phase_normal
-        correlated = _code_minus_carrier(signals.shared, work.shared, smoothing, epoch, s)
+        correlated_error = _code_minus_carrier(signals.correlated_errors, work.correlated_errors, smoothing, epoch, s)
         difference = code_noise - phase_noise
-        difference = difference + correlated
+        difference = difference + correlated_error
         gain = smoothing.gain[epoch, s]
         previous_average = receiver.average[s]
         average = gain * difference + (1.0 - gain) * previous_average

@@ -38,7 +38,7 @@ from lvnav_trade.filter.receivers.receiver import (
 )
 from lvnav_trade.kernels.covariance import predict, update_scalar
 from lvnav_trade.kernels.jit import jit
-from lvnav_trade.kernels.lanes import like, magnitude, sqrt, where
+from lvnav_trade.kernels.lanes import magnitude, number_like, sqrt, where
 from lvnav_trade.quantities.line_of_sight import line_of_sight
 from lvnav_trade.sensors.jacobian_row import H_CLOCK, H_POS, H_VEL, N_ENTRY
 from lvnav_trade.sensors.ranges import range_row, rate_row
@@ -55,7 +55,7 @@ def _larger(a, b):
 
 
 @jit
-def adapted(ax, ay, az, model):
+def adapted_variances(ax, ay, az, model):
     """Return the variances under an acceleration (m/s^2): driving noise by axis (3), range, range rate.
 
     Eq. 4.25 to 4.28 (4.27 with the acceleration along z). With zero gains they are the constant floors. Linear
@@ -71,7 +71,7 @@ def adapted(ax, ay, az, model):
 
 
 @jit
-def drive(P, model, x, y, z):
+def add_driving_noise(P, model, x, y, z):
     """Add the process noise of an interval to the covariance: driving variances x, y, z by axis, and clock noise."""
     variance = (x, y, z)
     blocks = (ACC, VEL, POS)
@@ -98,8 +98,8 @@ def propagate(receiver, model, x, y, z):
     for i in range(3):
         velocity = nav[VEL + i]
         acceleration = nav[ACC + i]
-        nav[POS + i] = nav[POS + i] + interval * velocity + model.to_position * acceleration
-        nav[VEL + i] = velocity + model.to_velocity * acceleration
+        nav[POS + i] = nav[POS + i] + interval * velocity + model.position_effect * acceleration
+        nav[VEL + i] = velocity + model.velocity_effect * acceleration
         nav[ACC + i] = model.decay * acceleration
     nav[BIAS] = nav[BIAS] + interval * nav[DRIFT]
     predict(
@@ -107,28 +107,28 @@ def propagate(receiver, model, x, y, z):
         model.blocks,
         model.rows,
         model.columns,
-        model.ones,
-        model.zeros,
+        model.unit_decay,
+        model.zero_noise,
         BIAS,
         model.interval,
     )
-    drive(receiver.P, model, x, y, z)
+    add_driving_noise(receiver.P, model, x, y, z)
 
 
 @jit
-def _update_acceleration(receiver, model, fixed):
+def _update_acceleration(receiver, model, has_fix):
     """Set the acceleration to the velocity difference of the last two point solutions over the time between them."""
     memory = receiver.memory
     has_earlier = memory[SINCE] >= 0.0
     seconds = where(has_earlier, memory[SINCE] + model.interval, model.interval)
-    has_both = fixed & has_earlier
+    has_both = has_fix & has_earlier
     for i in range(3):
         velocity = receiver.fix[FIX_VEL + i]
         acceleration = (velocity - memory[LAST_VELOCITY + i]) / seconds
         memory[ACCELERATION + i] = where(has_both, acceleration, memory[ACCELERATION + i])
-        memory[LAST_VELOCITY + i] = where(fixed, velocity, memory[LAST_VELOCITY + i])
-    since_earlier = where(has_earlier, seconds, -1.0)
-    memory[SINCE] = where(fixed, 0.0, since_earlier)
+        memory[LAST_VELOCITY + i] = where(has_fix, velocity, memory[LAST_VELOCITY + i])
+    earlier_fix_age = where(has_earlier, seconds, -1.0)
+    memory[SINCE] = where(has_fix, 0.0, earlier_fix_age)
 
 
 @jit
@@ -141,7 +141,7 @@ def _update_scalar(receiver, model, innovation, limit, variance, entries, column
     for e in range(N_ENTRY):
         receiver.h[e] = receiver.h[e] * scale
     innovation = where(magnitude(innovation) <= limit, innovation * scale, np.nan)
-    normalised, weight = update_scalar(
+    normalised_innovation, weight = update_scalar(
         receiver.P,
         receiver.x,
         receiver.K,
@@ -154,27 +154,27 @@ def _update_scalar(receiver, model, innovation, limit, variance, entries, column
         N_STATE,
         False,
     )
-    return where(weight > 0.0, 1.0, 0.0), normalised
+    return where(weight > 0.0, 1.0, 0.0), normalised_innovation
 
 
 @jit
 def _begin_update(receiver):
     """Set the state at which the measurements of an epoch are linearised; clear error state and innovations."""
     nav = receiver.nav
-    zero = like(nav[0], 0.0)
+    zero = number_like(nav[0], 0.0)
     for i in range(3):
-        receiver.at[i] = nav[POS + i]
-        receiver.at[3 + i] = nav[VEL + i]
-        receiver.at[6 + i] = zero
-        receiver.at[9 + i] = zero
+        receiver.antenna_state[i] = nav[POS + i]
+        receiver.antenna_state[3 + i] = nav[VEL + i]
+        receiver.antenna_state[6 + i] = zero
+        receiver.antenna_state[9 + i] = zero
     for i in range(N_STATE):
         receiver.x[i] = zero
     for channel in range(receiver.innovation.shape[0]):
-        receiver.innovation[channel] = like(zero, np.nan)
+        receiver.innovation[channel] = number_like(zero, np.nan)
 
 
 @jit
-def _update_ranges(receiver, model, satellite, satellite_velocity, used, n_used, ranges, variances):
+def _update_ranges(receiver, model, satellite, satellite_velocity, slot_satellites, n_used, ranges, variances):
     """Process the measurements of the satellites in use, all linearised about the same state.
 
     Returns the numbers of measurements, of accepted measurements, and of satellites with an accepted measurement.
@@ -185,19 +185,19 @@ def _update_ranges(receiver, model, satellite, satellite_velocity, used, n_used,
     nav = receiver.nav
     h = receiver.h
     _begin_update(receiver)
-    count = like(nav[0], 0.0)
-    accepted = like(nav[0], 0.0)
-    satellites = like(nav[0], 0.0)
+    count = number_like(nav[0], 0.0)
+    accepted_count = number_like(nav[0], 0.0)
+    satellites = number_like(nav[0], 0.0)
     for slot in range(n_used):
-        s = used[slot]
-        ux, uy, uz, distance = line_of_sight(satellite[s], receiver.at)
-        started = receiver.memory[STARTED] > 0.0
-        rho = where(started, ranges[slot, 0], np.nan)
-        rate = where(started, ranges[slot, 1], np.nan)
+        s = slot_satellites[slot]
+        ux, uy, uz, distance = line_of_sight(satellite[s], receiver.antenna_state)
+        has_started = receiver.memory[STARTED] > 0.0
+        rho = where(has_started, ranges[slot, 0], np.nan)
+        rate = where(has_started, ranges[slot, 1], np.nan)
         has_range = where(rho == rho, 1.0, 0.0)
         has_rate = where(rate == rate, 1.0, 0.0)
         count = count + has_range + has_rate
-        predicted_range = range_row(h, receiver.at, ux, uy, uz, distance, nav[BIAS])
+        predicted_range = range_row(h, receiver.antenna_state, ux, uy, uz, distance, nav[BIAS])
         innovation = rho - predicted_range
         range_accepted, receiver.innovation[2 * s] = _update_scalar(
             receiver,
@@ -208,7 +208,7 @@ def _update_ranges(receiver, model, satellite, satellite_velocity, used, n_used,
             RANGE_ENTRIES,
             RANGE_COLUMNS,
         )
-        predicted_rate = rate_row(h, receiver.at, satellite_velocity[s], ux, uy, uz, distance, nav[DRIFT])
+        predicted_rate = rate_row(h, receiver.antenna_state, satellite_velocity[s], ux, uy, uz, distance, nav[DRIFT])
         innovation = rate - predicted_rate
         rate_accepted, receiver.innovation[2 * s + 1] = _update_scalar(
             receiver,
@@ -219,73 +219,73 @@ def _update_ranges(receiver, model, satellite, satellite_velocity, used, n_used,
             RATE_ENTRIES,
             RATE_COLUMNS,
         )
-        accepted = accepted + range_accepted + rate_accepted
+        accepted_count = accepted_count + range_accepted + rate_accepted
         satellites = satellites + where(range_accepted + rate_accepted > 0.0, 1.0, 0.0)
     for i in range(N_STATE):
         nav[i] = nav[i] + receiver.x[i]
-    return count, accepted, satellites
+    return count, accepted_count, satellites
 
 
 @jit
-def _copy_block(P, inverse, variance, first, clock, begin):
+def _copy_block(P, inverse, variance, first, clock, is_start):
     """Set the covariance of three states and a clock state to a variance times the inverse normal matrix (4, 4)."""
     for i in range(4):
         row = first + i if i < 3 else clock
         for j in range(4):
             column = first + j if j < 3 else clock
-            P[row, column] = where(begin, variance * inverse[i, j], P[row, column])
+            P[row, column] = where(is_start, variance * inverse[i, j], P[row, column])
 
 
 @jit
-def _start(receiver, model, point, begin):
-    """Start the filter from the point solution in the runs with `begin`."""
+def _start(receiver, model, point, is_start):
+    """Start the filter from the point solution in the runs with `is_start`."""
     nav = receiver.nav
     P = receiver.P
     point_fix = receiver.fix
     for i in range(N_STATE):
         for j in range(N_STATE):
-            P[i, j] = where(begin, 0.0, P[i, j])
+            P[i, j] = where(is_start, 0.0, P[i, j])
     for i in range(3):
         position = POS + i
         velocity = VEL + i
         acceleration = ACC + i
-        nav[acceleration] = where(begin, 0.0, nav[acceleration])
-        nav[velocity] = where(begin, point_fix[FIX_VEL + i], nav[velocity])
-        nav[position] = where(begin, point_fix[FIX_POS + i], nav[position])
-        P[acceleration, acceleration] = where(begin, model.start, P[acceleration, acceleration])
-    nav[BIAS] = where(begin, point_fix[FIX_BIAS], nav[BIAS])
-    nav[DRIFT] = where(begin, point_fix[FIX_DRIFT], nav[DRIFT])
+        nav[acceleration] = where(is_start, 0.0, nav[acceleration])
+        nav[velocity] = where(is_start, point_fix[FIX_VEL + i], nav[velocity])
+        nav[position] = where(is_start, point_fix[FIX_POS + i], nav[position])
+        P[acceleration, acceleration] = where(is_start, model.start, P[acceleration, acceleration])
+    nav[BIAS] = where(is_start, point_fix[FIX_BIAS], nav[BIAS])
+    nav[DRIFT] = where(is_start, point_fix[FIX_DRIFT], nav[DRIFT])
     # position and bias, velocity and drift: covariance of the point solution by its inverse normal matrix
-    _copy_block(P, receiver.inverse, point.range_variance, POS, BIAS, begin)
-    _copy_block(P, receiver.inverse, point.rate_variance, VEL, DRIFT, begin)
+    _copy_block(P, receiver.inverse, point.range_variance, POS, BIAS, is_start)
+    _copy_block(P, receiver.inverse, point.rate_variance, VEL, DRIFT, is_start)
 
 
 @jit
 def _output(receiver, model, satellites):
     """Set solution and reported covariance; the solution is NaN before the start and after too long a coast."""
     memory = receiver.memory
-    valid = (memory[STARTED] > 0.0) & (memory[IDLE] <= model.coast)
+    is_valid = (memory[STARTED] > 0.0) & (memory[IDLE] <= model.coast)
     partial_quality = where(satellites > 0.0, PARTIAL, PROPAGATED)
     quality = where(satellites >= 4.0, FULL, partial_quality)
-    receiver.used[0] = where(valid, quality, NO_FIX)
-    reported = model.reported
-    zero = like(satellites, 0.0)
+    receiver.filter_verdict[0] = where(is_valid, quality, NO_FIX)
+    settings = model.reported_covariance
+    zero = number_like(satellites, 0.0)
     for i in range(6):
         row = POS + i if i < 3 else VEL + i - 3
-        receiver.solution[i] = where(valid, receiver.nav[row], np.nan)
+        receiver.solution[i] = where(is_valid, receiver.nav[row], np.nan)
         for j in range(6):
             column = POS + j if j < 3 else VEL + j - 3
-            if not reported.own:
-                constant = reported.position_variance if i < 3 else reported.velocity_variance
-                receiver.covariance[i, j] = zero + (constant if i == j else 0.0)
-            elif reported.correlated or i == j:
-                receiver.covariance[i, j] = reported.factor * receiver.P[row, column]
+            if not settings.is_computed:
+                constant_variance = settings.position_variance if i < 3 else settings.velocity_variance
+                receiver.covariance[i, j] = zero + (constant_variance if i == j else 0.0)
+            elif settings.has_correlations or i == j:
+                receiver.covariance[i, j] = settings.factor * receiver.P[row, column]
             else:
                 receiver.covariance[i, j] = zero
 
 
 @jit
-def step(receiver, model, point, satellite, satellite_velocity, used, n_used, ranges):
+def step(receiver, model, point, satellite, satellite_velocity, slot_satellites, n_used, ranges):
     """Propagate the filter from the previous epoch to this one, process its measurements, output its solution.
 
     Parameters
@@ -295,55 +295,55 @@ def step(receiver, model, point, satellite, satellite_velocity, used, n_used, ra
     model : ReceiverFilter
     point : PointModel
         Settings of the point solution that starts the filter and adapts its noise.
-    satellite, satellite_velocity, used, n_used, ranges : as in `bancroft.fix`
+    satellite, satellite_velocity, slot_satellites, n_used, ranges : as in `bancroft.fix`
 
     Returns
     -------
     quality
         NO_FIX, PROPAGATED (no measurement), PARTIAL (fewer than four satellites), or FULL.
     """
-    quality = fix(receiver, point, satellite, satellite_velocity, used, n_used, ranges)
-    fixed = quality >= point.least_quality
+    quality = fix(receiver, point, satellite, satellite_velocity, slot_satellites, n_used, ranges)
+    has_fix = quality >= point.least_quality
     memory = receiver.memory
-    _update_acceleration(receiver, model, fixed)
-    x, y, z, range_variance, rate_variance = adapted(
+    _update_acceleration(receiver, model, has_fix)
+    x, y, z, range_variance, rate_variance = adapted_variances(
         memory[ACCELERATION],
         memory[ACCELERATION + 1],
         memory[ACCELERATION + 2],
         model,
     )
     propagate(receiver, model, x, y, z)
-    count, accepted, satellites = _update_ranges(
+    count, accepted_count, satellites = _update_ranges(
         receiver,
         model,
         satellite,
         satellite_velocity,
-        used,
+        slot_satellites,
         n_used,
         ranges,
         (range_variance, rate_variance),
     )
     # a filter that rejects most measurements of several fixes in succession has diverged
-    rejects_most = fixed & (accepted < 0.5 * count)
+    rejects_most = has_fix & (accepted_count < 0.5 * count)
     memory[MISSES] = where(rejects_most, memory[MISSES] + 1.0, 0.0)
     has_diverged = memory[MISSES] >= model.restart
-    begin = fixed & ((memory[STARTED] == 0.0) | has_diverged)
-    _start(receiver, model, point, begin)
+    is_start = has_fix & ((memory[STARTED] == 0.0) | has_diverged)
+    _start(receiver, model, point, is_start)
     for channel in range(receiver.innovation.shape[0]):  # no innovations at the epoch of a restart
-        receiver.innovation[channel] = where(begin, np.nan, receiver.innovation[channel])
-    memory[STARTED] = where(begin, 1.0, memory[STARTED])
-    memory[MISSES] = where(begin, 0.0, memory[MISSES])
-    satellites = where(begin, receiver.verdict[1], satellites)
+        receiver.innovation[channel] = where(is_start, np.nan, receiver.innovation[channel])
+    memory[STARTED] = where(is_start, 1.0, memory[STARTED])
+    memory[MISSES] = where(is_start, 0.0, memory[MISSES])
+    satellites = where(is_start, receiver.verdict[1], satellites)
     memory[IDLE] = where(satellites > 0.0, 0.0, memory[IDLE] + model.interval)
     for i in range(3):
-        receiver.near[i] = where(memory[STARTED] > 0.0, receiver.nav[POS + i], receiver.near[i])
-    receiver.used[1] = accepted
+        receiver.position_guess[i] = where(memory[STARTED] > 0.0, receiver.nav[POS + i], receiver.position_guess[i])
+    receiver.filter_verdict[1] = accepted_count
     _output(receiver, model, satellites)
-    return receiver.used[0]
+    return receiver.filter_verdict[0]
 
 
 @jit
-def solve(receiver, point, filtering, satellite, satellite_velocity, used, n_used, ranges):
+def solve(receiver, point, filtering, satellite, satellite_velocity, slot_satellites, n_used, ranges):
     """Set solution and covariance of a receiver at an epoch; return their quality.
 
     Parameters
@@ -353,8 +353,8 @@ def solve(receiver, point, filtering, satellite, satellite_velocity, used, n_use
     point : PointModel
     filtering : ReceiverFilter or None
         None: output the point solution.
-    satellite, satellite_velocity, used, n_used, ranges : as in `bancroft.fix`
+    satellite, satellite_velocity, slot_satellites, n_used, ranges : as in `bancroft.fix`
     """
     if filtering is None:
-        return solution(receiver, point, satellite, satellite_velocity, used, n_used, ranges)
-    return step(receiver, filtering, point, satellite, satellite_velocity, used, n_used, ranges)
+        return solution(receiver, point, satellite, satellite_velocity, slot_satellites, n_used, ranges)
+    return step(receiver, filtering, point, satellite, satellite_velocity, slot_satellites, n_used, ranges)

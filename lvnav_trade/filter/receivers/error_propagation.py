@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lvnav_trade.filter.receivers.ekf_gnss import adapted, drive
+from lvnav_trade.filter.receivers.ekf_gnss import adapted_variances, add_driving_noise
 from lvnav_trade.filter.receivers.receiver import (
     ACC,
     BIAS,
@@ -48,18 +48,18 @@ class ErrorPropagation(NamedTuple):
     """Linear error propagation of the receiver over an epoch.
 
     phi : (11, 11). Transition matrix.
-    keep : (11, 11). I - K H; zero for a fix that starts the filter.
+    update_matrix : (11, 11). I - K H; zero for a fix that starts the filter.
     gain : (11, n_row). Gain K.
     P : (11, 11). Covariance of the receiver's filter after the epoch.
     """
 
     phi: Floats
-    keep: Floats
+    update_matrix: Floats
     gain: Floats
     P: Floats
 
 
-def design(r_i: Floats, v_i: Floats, satellite: Floats, satellite_velocity: Floats) -> Floats:
+def design_matrix(r_i: Floats, v_i: Floats, satellite: Floats, satellite_velocity: Floats) -> Floats:
     """Return the Jacobian H (2 n_sat, 11), satellite by satellite: pseudorange, range rate.
 
     Parameters
@@ -73,7 +73,7 @@ def design(r_i: Floats, v_i: Floats, satellite: Floats, satellite_velocity: Floa
     jacobian = np.zeros((2 * len(satellite), N_STATE))
     jacobian[0::2, POS : POS + 3] = -line.direction
     jacobian[0::2, BIAS] = 1.0
-    jacobian[1::2, POS : POS + 3] = -line.turning
+    jacobian[1::2, POS : POS + 3] = -line.direction_rate
     jacobian[1::2, VEL : VEL + 3] = -line.direction
     jacobian[1::2, DRIFT] = 1.0
     return jacobian
@@ -85,7 +85,7 @@ def point_gain(rows: Floats) -> Floats:
     Position and bias follow from the pseudoranges alone. The position error then rotates the lines of sight of the
     range rates.
 
-    rows : (n_row, 11). Jacobian as from `design`, of at least four satellites.
+    rows : (n_row, 11). Jacobian as from `design_matrix`, of at least four satellites.
     """
     range_rows = rows[0::2]
     rate_rows = rows[1::2]
@@ -98,24 +98,24 @@ def point_gain(rows: Floats) -> Floats:
     return gain
 
 
-def noises(model: ReceiverFilter, acceleration: Floats, n_row: int) -> tuple[Floats, Floats]:
+def noise_covariances(model: ReceiverFilter, acceleration: Floats, n_row: int) -> tuple[Floats, Floats]:
     """Return the filter's process noise (11, 11) and measurement variances (n_row,) for an acceleration (3,) m/s^2."""
     ax, ay, az = acceleration.tolist()
-    x, y, z, range_variance, rate_variance = adapted(ax, ay, az, model)
+    x, y, z, range_variance, rate_variance = adapted_variances(ax, ay, az, model)
     noise = np.zeros((N_STATE, N_STATE))
-    drive(noise, model, x, y, z)
+    add_driving_noise(noise, model, x, y, z)
     variances = np.tile([range_variance, rate_variance], n_row // 2)
     return noise, variances
 
 
-def nominal_acceleration(v_i: Floats, fixed: Bools, interval: float) -> Floats:
+def nominal_acceleration(v_i: Floats, has_fix: Bools, interval: float) -> Floats:
     """Return the acceleration (n_epoch, 3) m/s^2 that adapts the receiver's filter on the nominal motion.
 
     It is the difference of the velocities at the last two epochs with a point solution over the time between them. It
     is zero before the second such epoch and constant until the next.
 
     v_i : (n_epoch, 3) m/s. Nominal velocity.
-    fixed : (n_epoch,). Whether the epoch has a point solution.
+    has_fix : (n_epoch,). Whether the epoch has a point solution.
     interval : s. Time between epochs.
     """
     acceleration = np.zeros_like(v_i)
@@ -123,11 +123,11 @@ def nominal_acceleration(v_i: Floats, fixed: Bools, interval: float) -> Floats:
     for k in range(len(v_i)):
         if k > 0:
             acceleration[k] = acceleration[k - 1]
-        if fixed[k]:
+        if has_fix[k]:
             if last_fix >= 0:
                 velocity_change = v_i[k] - v_i[last_fix]
-                elapsed = interval * (k - last_fix)
-                acceleration[k] = velocity_change / elapsed
+                time_between_fixes = interval * (k - last_fix)
+                acceleration[k] = velocity_change / time_between_fixes
             last_fix = k
     return acceleration
 
@@ -135,34 +135,34 @@ def nominal_acceleration(v_i: Floats, fixed: Bools, interval: float) -> Floats:
 def point_solution(model: PointModel, rows: Floats) -> ErrorPropagation:
     """Return the error propagation of a point solution, which is independent of the previous epoch.
 
-    rows : (n_row, 11). Jacobian as from `design`.
+    rows : (n_row, 11). Jacobian as from `design_matrix`.
     """
     gain = np.zeros((N_STATE, len(rows)))
     gain[FIX_STATES] = point_gain(rows)
     P = np.zeros((N_STATE, N_STATE))
-    for columns, variance, measured in (
+    for columns, variance, measurement_rows in (
         (POSITION_AND_BIAS, model.range_variance, rows[0::2]),
         (VELOCITY_AND_DRIFT, model.rate_variance, rows[1::2]),
     ):
-        normal_matrix = measured[:, columns].T @ measured[:, columns]
+        normal_matrix = measurement_rows[:, columns].T @ measurement_rows[:, columns]
         P[np.ix_(columns, columns)] = variance * np.linalg.inv(normal_matrix)
-    none = np.zeros((N_STATE, N_STATE))  # the error of the previous epoch has no effect
-    return ErrorPropagation(none, none.copy(), gain, P)
+    zero_matrix = np.zeros((N_STATE, N_STATE))  # the error of the previous epoch has no effect
+    return ErrorPropagation(zero_matrix, zero_matrix.copy(), gain, P)
 
 
-def started(model: ReceiverFilter, point: PointModel, rows: Floats) -> ErrorPropagation:
+def filter_start(model: ReceiverFilter, point: PointModel, rows: Floats) -> ErrorPropagation:
     """Return the error propagation of the fix that starts the filter.
 
     The filter starts with zero acceleration, so that its acceleration error is the true acceleration.
     """
-    gains = point_solution(point, rows)
+    propagation = point_solution(point, rows)
     acceleration = range(ACC, ACC + 3)
-    gains.P[acceleration, acceleration] = model.start
-    gains.keep[acceleration, acceleration] = 1.0
-    return gains
+    propagation.P[acceleration, acceleration] = model.start
+    propagation.update_matrix[acceleration, acceleration] = 1.0
+    return propagation
 
 
-def filtered(P: Floats, model: ReceiverFilter, rows: Floats, acceleration: Floats) -> ErrorPropagation:
+def filter_epoch(P: Floats, model: ReceiverFilter, rows: Floats, acceleration: Floats) -> ErrorPropagation:
     """Return the error propagation of the running filter over an epoch.
 
     Parameters
@@ -171,25 +171,25 @@ def filtered(P: Floats, model: ReceiverFilter, rows: Floats, acceleration: Float
         Covariance after the previous epoch.
     model : ReceiverFilter
     rows : (n_row, 11)
-        Jacobian as from `design`; without rows the filter only propagates.
+        Jacobian as from `design_matrix`; without rows the filter only propagates.
     acceleration : (3,) m/s^2
         Acceleration that adapts the noise, as from `nominal_acceleration`.
     """
-    noise, variance = noises(model, acceleration, len(rows))
+    noise, variance = noise_covariances(model, acceleration, len(rows))
     phi = transition(model)
-    propagated = phi @ P @ phi.T
-    P = propagated + noise
-    state_part = rows @ P @ rows.T
-    innovation_covariance = state_part + np.diag(variance)
+    propagated_covariance = phi @ P @ phi.T
+    P = propagated_covariance + noise
+    state_covariance = rows @ P @ rows.T
+    innovation_covariance = state_covariance + np.diag(variance)
     # K' = S^-1 H P, because S and P are symmetric
     gain_transposed = np.linalg.solve(innovation_covariance, rows @ P)
     gain = np.asarray(gain_transposed.T, dtype=np.float64)
-    keep = np.eye(N_STATE) - gain @ rows
+    update_matrix = np.eye(N_STATE) - gain @ rows
     # Joseph's form: (I - K H) P (I - K H)' + K R K'
-    corrected = keep @ P @ keep.T
-    from_noise = (gain * variance) @ gain.T
-    P = corrected + from_noise
-    return ErrorPropagation(phi, keep, gain, P)
+    corrected_covariance = update_matrix @ P @ update_matrix.T
+    noise_covariance = (gain * variance) @ gain.T
+    P = corrected_covariance + noise_covariance
+    return ErrorPropagation(phi, update_matrix, gain, P)
 
 
 def mismatch(model: ReceiverFilter, acceleration: Floats, v_i: Floats, r_i: Floats) -> Floats:
@@ -207,11 +207,11 @@ def mismatch(model: ReceiverFilter, acceleration: Floats, v_i: Floats, r_i: Floa
     return difference
 
 
-def reported_covariance(reported: ReportedCovariance, P: Floats) -> Floats:
+def reported_covariance(settings: ReportedCovariance, P: Floats) -> Floats:
     """Return the covariance (6, 6) reported with a solution of a filter with covariance P (11, 11)."""
-    if not reported.own:
-        variances = [reported.position_variance] * 3 + [reported.velocity_variance] * 3
+    if not settings.is_computed:
+        variances = [settings.position_variance] * 3 + [settings.velocity_variance] * 3
         return np.diag(variances)
     solution_covariance = P[np.ix_(SOLUTION, SOLUTION)]
-    R = np.asarray(reported.factor * solution_covariance)
-    return R if reported.correlated else np.diag(np.diag(R))
+    R = np.asarray(settings.factor * solution_covariance)
+    return R if settings.has_correlations else np.diag(np.diag(R))

@@ -32,15 +32,15 @@ STARTED, IDLE, MISSES, SINCE, LAST_VELOCITY, ACCELERATION, N_MEMORY = 0, 1, 2, 3
 class ReportedCovariance(NamedTuple):
     """Settings of the covariance reported with a solution.
 
-    own : Whether it is the covariance of the solver; otherwise it is constant and diagonal.
-    correlated : Whether the covariance of the solver is reported with its correlations.
+    is_computed : Whether it is the covariance of the solver; otherwise it is constant and diagonal.
+    has_correlations : Whether the covariance of the solver is reported with its correlations.
     factor : Factor on the covariance of the solver.
     position_variance : m^2. Constant variance of position per axis.
     velocity_variance : m^2/s^2. Constant variance of velocity per axis.
     """
 
-    own: bool = True
-    correlated: bool = True
+    is_computed: bool = True
+    has_correlations: bool = True
     factor: float = 1.0
     position_variance: float = 0.0
     velocity_variance: float = 0.0
@@ -54,7 +54,7 @@ class PointModel(NamedTuple):
     range_variance : m^2. Variance that the receiver assumes for a pseudorange.
     rate_variance : m^2/s^2. Variance that the receiver assumes for a range rate.
     least_quality : Lowest quality that is output.
-    reported : Covariance that is reported with the solution.
+    reported_covariance : Covariance that is reported with the solution.
     """
 
     refinements: int
@@ -62,7 +62,7 @@ class PointModel(NamedTuple):
     range_variance: float
     rate_variance: float
     least_quality: float
-    reported: ReportedCovariance
+    reported_covariance: ReportedCovariance
 
 
 class ReceiverFilter(NamedTuple):
@@ -72,11 +72,11 @@ class ReceiverFilter(NamedTuple):
     blocks : (n_block, 9). 3 x 3 blocks that the transition matrix has beyond the identity.
     rows : (n_block,). First row of each block.
     columns : (n_block,). First column of each block.
-    ones : (11,). Decay factors of the states, all 1, as the common kernel needs them.
-    zeros : (11,). Process noise of the states, all 0, as the common kernel needs it.
+    unit_decay : (11,). Decay factors of the states, all 1, as the common kernel needs them.
+    zero_noise : (11,). Process noise of the states, all 0, as the common kernel needs it.
     decay : Decay factor of the acceleration.
-    to_velocity : s. Velocity change per acceleration.
-    to_position : s^2. Position change per acceleration.
+    velocity_effect : s. Velocity change per acceleration.
+    position_effect : s^2. Position change per acceleration.
     drive : (3,). Effect of the driving noise on acceleration, velocity and position.
     drive_floor : Smallest variance of the driving noise per axis: m^2/s^6 (jerk) or m^2/s^4 (acceleration).
     drive_gain : Variance of the driving noise per squared acceleration; the larger of the two is used.
@@ -91,18 +91,18 @@ class ReceiverFilter(NamedTuple):
     rate_limit : m/s. Largest innovation of a range rate.
     restart : Epochs with most measurements rejected after which the filter restarts.
     coast : s. Longest time without an accepted measurement for which a solution is output.
-    reported : Covariance that is reported with the solution.
+    reported_covariance : Covariance that is reported with the solution.
     """
 
     interval: float
     blocks: Floats
     rows: Ints
     columns: Ints
-    ones: Floats
-    zeros: Floats
+    unit_decay: Floats
+    zero_noise: Floats
     decay: float
-    to_velocity: float
-    to_position: float
+    velocity_effect: float
+    position_effect: float
     drive: Floats
     drive_floor: float
     drive_gain: float
@@ -117,7 +117,7 @@ class ReceiverFilter(NamedTuple):
     rate_limit: float
     restart: float
     coast: float
-    reported: ReportedCovariance
+    reported_covariance: ReportedCovariance
 
 
 class Solver(NamedTuple):
@@ -138,7 +138,7 @@ class Receiver(NamedTuple):
 
     NaN marks an innovation or a solution that does not exist.
 
-    near : (3,) m. Position at which the point solution starts its search.
+    position_guess : (3,) m. Position at which the point solution starts its search.
     fix : (8,). Point solution: position, velocity, clock bias, clock drift.
     inverse : (4, 4). Inverse of the normal matrix of the point solution.
     normal : (4, 4). Normal matrix, factorised in place.
@@ -149,16 +149,16 @@ class Receiver(NamedTuple):
     x : (11,). Scratch: error state of an update.
     K : (11,). Scratch: gain of a scalar measurement.
     h : (N_ENTRY,). Scratch: Jacobian row of a scalar measurement.
-    at : (21,). Scratch: antenna state, as in `line_of_sight.antenna`.
+    antenna_state : (21,). Scratch: antenna state, as in `line_of_sight.antenna`.
     memory : (10,). Memory of the filter besides state and covariance, from STARTED to ACCELERATION.
-    used : (2,). Quality of the filtered solution and number of accepted scalar measurements.
+    filter_verdict : (2,). Quality of the filtered solution and number of accepted scalar measurements.
     solution : (6,) m, m/s. Position and velocity that the receiver outputs.
     covariance : (6, 6). Covariance reported with the solution.
     innovation : (2 n_sat,). Normalised innovation by satellite: range, then range rate.
     average : (n_sat,) m. Smoothed code minus carrier by satellite.
     """
 
-    near: Floats
+    position_guess: Floats
     fix: Floats
     inverse: Floats
     normal: Floats
@@ -169,9 +169,9 @@ class Receiver(NamedTuple):
     x: Floats
     K: Floats
     h: Floats
-    at: Floats
+    antenna_state: Floats
     memory: Floats
-    used: Floats
+    filter_verdict: Floats
     solution: Floats
     covariance: Floats
     innovation: Floats
@@ -186,7 +186,7 @@ def new_receiver(lanes: int = 0, n_sat: int = 64) -> Receiver:
     """
     n = N_STATE
     shapes = {
-        "near": (3,),
+        "position_guess": (3,),
         "fix": (N_FIX,),
         "inverse": (4, 4),
         "normal": (4, 4),
@@ -197,9 +197,9 @@ def new_receiver(lanes: int = 0, n_sat: int = 64) -> Receiver:
         "x": (n,),
         "K": (n,),
         "h": (N_ENTRY,),
-        "at": (21,),
+        "antenna_state": (21,),
         "memory": (N_MEMORY,),
-        "used": (2,),
+        "filter_verdict": (2,),
         "solution": (6,),
         "covariance": (6, 6),
         "innovation": (2 * n_sat,),
@@ -212,9 +212,9 @@ def new_receiver(lanes: int = 0, n_sat: int = 64) -> Receiver:
 def switch_on(receiver: Any, x: Any, y: Any, z: Any) -> None:
     """Set a receiver to its state before the first epoch; x, y, z (m, frame i) is the guess for its first fix."""
     zero = 0.0 * x
-    receiver.near[0] = x
-    receiver.near[1] = y
-    receiver.near[2] = z
+    receiver.position_guess[0] = x
+    receiver.position_guess[1] = y
+    receiver.position_guess[2] = z
     for i in range(N_STATE):
         receiver.nav[i] = zero
         for j in range(N_STATE):
@@ -227,19 +227,19 @@ def switch_on(receiver: Any, x: Any, y: Any, z: Any) -> None:
 
 
 def point_model(
-    reported: ReportedCovariance,
+    reported_covariance: ReportedCovariance,
     range_sigma: float,
     rate_sigma: float,
     refinements: int = 2,
     false_alarm: float = 1e-3,
     least_quality: int = 1,
-    most: int = 64,
+    max_satellite_count: int = 64,
 ) -> PointModel:
     """Return the settings of the point solution as numbers.
 
     Parameters
     ----------
-    reported : ReportedCovariance
+    reported_covariance : ReportedCovariance
     range_sigma, rate_sigma : float
         Standard deviations (m, m/s) that the receiver assumes.
     refinements : int
@@ -249,16 +249,16 @@ def point_model(
         satellite and eight unknowns their sum of squares is chi-square with 2 (n - 4) degrees of freedom.
     least_quality : int
         Lowest quality that is output.
-    most : int
+    max_satellite_count : int
         Largest number of satellites in a solution.
     """
-    limits = np.full(most + 1, math.inf)
-    degrees_of_freedom = 2 * (np.arange(5, most + 1) - 4)
+    limits = np.full(max_satellite_count + 1, math.inf)
+    degrees_of_freedom = 2 * (np.arange(5, max_satellite_count + 1) - 4)
     limits[5:] = chdtri(degrees_of_freedom, false_alarm)
-    return PointModel(refinements, limits, range_sigma**2, rate_sigma**2, float(least_quality), reported)
+    return PointModel(refinements, limits, range_sigma**2, rate_sigma**2, float(least_quality), reported_covariance)
 
 
-def _acting(dt: float, time: float) -> tuple[float, float, float]:
+def _acceleration_effect(dt: float, time: float) -> tuple[float, float, float]:
     """Return decay factor of an acceleration over dt (s), and its effect on velocity (s) and position (s^2).
 
     time : s. Time constant of the acceleration; infinite: constant.
@@ -266,9 +266,9 @@ def _acting(dt: float, time: float) -> tuple[float, float, float]:
     if math.isinf(time):
         return 1.0, dt, 0.5 * dt * dt
     decay = math.exp(-dt / time)
-    to_velocity = -time * math.expm1(-dt / time)
-    to_position = time * (dt - to_velocity)
-    return decay, to_velocity, to_position
+    velocity_effect = -time * math.expm1(-dt / time)
+    position_effect = time * (dt - velocity_effect)
+    return decay, velocity_effect, position_effect
 
 
 class FilterSettings(NamedTuple):
@@ -309,17 +309,19 @@ class FilterSettings(NamedTuple):
     longest_coast: float | None = None
 
 
-def receiver_filter(reported: ReportedCovariance, interval: float, settings: FilterSettings) -> ReceiverFilter:
+def receiver_filter(
+    reported_covariance: ReportedCovariance, interval: float, settings: FilterSettings
+) -> ReceiverFilter:
     """Return the settings of the receiver's filter as numbers for an interval (s) between epochs."""
     dt = interval
     acceleration = settings.acceleration
     time = settings.acceleration_time
-    decay, to_velocity, to_position = _acting(dt, math.inf if time is None else time)
+    decay, velocity_effect, position_effect = _acceleration_effect(dt, math.inf if time is None else time)
     pairs = [(POS, VEL, dt)]
     if acceleration:
         # the kernel applies the blocks in this order: position and velocity first, by the acceleration before its decay
-        pairs.append((POS, ACC, to_position))
-        pairs.append((VEL, ACC, to_velocity))
+        pairs.append((POS, ACC, position_effect))
+        pairs.append((VEL, ACC, velocity_effect))
         pairs.append((ACC, ACC, decay - 1.0))
     identity = np.eye(3).ravel()
     blocks = np.array([value * identity for _, _, value in pairs])
@@ -329,11 +331,11 @@ def receiver_filter(reported: ReportedCovariance, interval: float, settings: Fil
         blocks=blocks,
         rows=np.array([row for row, _, _ in pairs], dtype=np.int64),
         columns=np.array([column for _, column, _ in pairs], dtype=np.int64),
-        ones=np.ones(N_STATE),
-        zeros=np.zeros(N_STATE),
+        unit_decay=np.ones(N_STATE),
+        zero_noise=np.zeros(N_STATE),
         decay=decay,
-        to_velocity=to_velocity,
-        to_position=to_position,
+        velocity_effect=velocity_effect,
+        position_effect=position_effect,
         drive=np.array(drive),
         drive_floor=settings.drive_sigma**2,
         drive_gain=settings.drive_gain,
@@ -348,7 +350,7 @@ def receiver_filter(reported: ReportedCovariance, interval: float, settings: Fil
         rate_limit=_limit(settings.rate_limit),
         restart=_limit(settings.restart_after),
         coast=_limit(settings.longest_coast),
-        reported=reported,
+        reported_covariance=reported_covariance,
     )
 
 

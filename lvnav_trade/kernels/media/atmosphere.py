@@ -53,7 +53,7 @@ def atmosphere(height: float) -> tuple[float, float, float, float]:
     same, so that a Mach number exists.
     """
     if height > TOP_OF_LAYERS:
-        return _tabulated(height)
+        return _table_values(height)
     geopotential = _RADIUS * height / (_RADIUS + height)
     layer = 0
     while layer < 6 and geopotential > _BASE[layer + 1]:
@@ -72,7 +72,7 @@ def atmosphere(height: float) -> tuple[float, float, float, float]:
 
 
 @jit
-def _tabulated(height: float) -> tuple[float, float, float, float]:
+def _table_values(height: float) -> tuple[float, float, float, float]:
     """Return the same four from the table above 86 km."""
     last = _HIGH.size - 1
     if height >= _HIGH[last]:

@@ -58,13 +58,13 @@ def klobuchar(
         horizon; the model is for receivers on the ground and does not depend on height.
     """
     lat, lon, az = (np.asarray(value, dtype=float) for value in (latitude, longitude, azimuth))
-    above_horizon = np.maximum(np.asarray(elevation, dtype=float), 0.0)
-    el = above_horizon / np.pi  # semicircles, as all angles from here
+    limited_elevation = np.maximum(np.asarray(elevation, dtype=float), 0.0)
+    el = limited_elevation / np.pi  # semicircles, as all angles from here
     central = 0.0137 / (el + 0.11) - 0.022
-    northwards = central * np.cos(az)
-    eastwards = central * np.sin(az)
-    lat_pierce = np.clip(lat / np.pi + northwards, -0.416, 0.416)
-    lon_pierce = lon / np.pi + eastwards / np.cos(lat_pierce * np.pi)
+    north_offset = central * np.cos(az)
+    east_offset = central * np.sin(az)
+    lat_pierce = np.clip(lat / np.pi + north_offset, -0.416, 0.416)
+    lon_pierce = lon / np.pi + east_offset / np.cos(lat_pierce * np.pi)
     vertical = _klobuchar_vertical(alpha, beta, seconds, lat_pierce, lon_pierce)
     obliquity = 1.0 + 16.0 * (0.53 - el) ** 3
     return np.asarray(SPEED_OF_LIGHT * obliquity * vertical)
@@ -120,7 +120,7 @@ def klobuchar_content(
     return np.asarray(SPEED_OF_LIGHT * vertical * L1**2 / DISPERSION)
 
 
-def pierced(
+def pierce_point(
     latitude: ArrayLike,
     longitude: ArrayLike,
     height: ArrayLike,
@@ -153,8 +153,8 @@ def pierced(
     cl = np.cos(lat)
     cos_azimuth = np.cos(az)
     pierced_latitude = np.arcsin(sl * cc + cl * sc * cos_azimuth)
-    eastwards = np.arctan2(sc * np.sin(az), cl * cc - sl * sc * cos_azimuth)
-    return np.asarray(pierced_latitude), np.asarray(lon + eastwards)
+    east_angle = np.arctan2(sc * np.sin(az), cl * cc - sl * sc * cos_azimuth)
+    return np.asarray(pierced_latitude), np.asarray(lon + east_angle)
 
 
 # --- Chapman layer ----------------------------------------------------------------------------------------------------
@@ -219,7 +219,7 @@ def lear_slant(elevation: ArrayLike, height: ArrayLike, peak: float, scale: floa
     """
     el, h = (np.asarray(value, dtype=float) for value in (elevation, height))
 
-    def upwards(cosine: Floats, start: Floats) -> Floats:
+    def ascending_content(cosine: Floats, start: Floats) -> Floats:
         """Return the slant content of an ascending ray from a height, with the cosine of its elevation."""
         median = median_height(start, peak, scale)
         cosine_at_median = (EARTH_RADIUS + start) / (EARTH_RADIUS + median) * cosine
@@ -227,12 +227,12 @@ def lear_slant(elevation: ArrayLike, height: ArrayLike, peak: float, scale: floa
         content = content_above(start, peak, scale)
         return np.asarray(content * 2.037 / (np.sqrt(sine2) + np.sqrt(sine2 + 0.076)))
 
-    ascending = upwards(np.cos(el), h)
+    ascent_content = ascending_content(np.cos(el), h)
     impact = (EARTH_RADIUS + h) * np.cos(el)
-    lowest = np.maximum(impact - EARTH_RADIUS, 0.0)
-    from_lowest = upwards(np.ones_like(el), lowest)
-    descending = 2.0 * from_lowest - ascending
-    return np.asarray(np.where(el < 0.0, descending, ascending))
+    lowest_height = np.maximum(impact - EARTH_RADIUS, 0.0)
+    grazing_content = ascending_content(np.ones_like(el), lowest_height)
+    descent_content = 2.0 * grazing_content - ascent_content
+    return np.asarray(np.where(el < 0.0, descent_content, ascent_content))
 
 
 def chapman_slant(elevation: ArrayLike, height: ArrayLike, peak: float, scale: float) -> Floats:
@@ -278,9 +278,9 @@ def along_ray(elevation: ArrayLike, height: ArrayLike, edges: ArrayLike, density
     ascent_start = np.maximum(start, 0.0)
     ascent_bounds = np.maximum(bounds, ascent_start[..., None])
     content = _integral(impact, ascent_bounds, density)
-    descends = start < 0.0
-    below_start = np.minimum(bounds[descends], -start[descends][:, None])
-    content[descends] += _integral(impact[descends], below_start, density)
+    is_descending = start < 0.0
+    descent_bounds = np.minimum(bounds[is_descending], -start[is_descending][:, None])
+    content[is_descending] += _integral(impact[is_descending], descent_bounds, density)
     return np.asarray(content)
 
 
@@ -312,8 +312,8 @@ def _integral(impact: Floats, bounds: Floats, density: Callable[[Floats], Floats
         Density as a function of height (...,) m.
     """
     half = 0.5 * np.diff(bounds, axis=-1)[..., None]
-    along = bounds[..., :-1, None] + half * (1.0 + _NODES)
-    radius = np.sqrt(impact[..., None, None] ** 2 + along**2)
+    path_distance = bounds[..., :-1, None] + half * (1.0 + _NODES)
+    radius = np.sqrt(impact[..., None, None] ** 2 + path_distance**2)
     height = radius - EARTH_RADIUS
     weighted_density = half * _WEIGHTS * density(height)
     return np.asarray(np.sum(weighted_density, axis=(-2, -1)))
@@ -349,10 +349,10 @@ def epstein_slant(elevation: ArrayLike, height: ArrayLike, peak: float, bottom: 
     density = partial(_epstein, peak=peak, bottom=bottom, top=top)
     # vertical content from the ground to the peak, and above it
     fraction = 1.0 / (1.0 + math.exp(-peak / bottom)) - 0.5
-    below = 4.0 * bottom * fraction
-    above = 2.0 * top
+    bottom_content = 4.0 * bottom * fraction
+    top_content = 2.0 * top
     slant = along_ray(elevation, height, edges, density)
-    return slant / (below + above)
+    return slant / (bottom_content + top_content)
 
 
 def _epstein(height: Floats, peak: float, bottom: float, top: float) -> Floats:

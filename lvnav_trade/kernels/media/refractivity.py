@@ -4,7 +4,7 @@ With X = n r, refractive index times radius, a = X cos(elevation) is constant al
 l = sqrt(X^2 - a^2), negative before the lowest point of the ray, both integrals are smooth, also at a turning point:
 
     optical path  = l_far - l_0 + integral of f dl
-    central angle = acos(a / far) - elevation_0 + integral of f a / X^2 dl,    f = -r n' / (n + r n')
+    central angle = acos(a / r_far) - elevation_0 + integral of f a / X^2 dl,    f = -r n' / (n + r n')
 
 Only the contribution of the air is integrated. Rays that descend below the receiver need no special case.
 """
@@ -23,7 +23,7 @@ Floats = NDArray[np.float64]
 EARTH_RADIUS = 6371e3  # m, of the layered sphere
 BOTTOM, TOP = -1e3, 130e3  # m, of a sampled profile; beyond the top there is vacuum
 _SPACING = 5.0  # m, of the samples
-_ROUNDING = 1000.0  # m, see `sampled`
+_ROUNDING = 1000.0  # m, see `sample_atmosphere`
 _PANELS = 1e3 * np.array([-1, 0.5, 2, 4, 6, 8, 10, 12, 14, 17, 20, 24, 29, 35, 42, 50, 60, 70, 80, 90, 110, 130])  # m
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(8)
 _ROUNDS = 30  # of Newton's iteration at most; three to eight are needed
@@ -52,11 +52,11 @@ class Ray(NamedTuple):
     """Result of ray tracing.
 
     delay : m. Excess of the optical path over the straight distance.
-    apparent : rad. Apparent elevation at the receiver.
+    apparent_elevation : rad. Apparent elevation at the receiver.
     """
 
     delay: Floats
-    apparent: Floats
+    apparent_elevation: Floats
 
 
 # --- refractivity against height, (n - 1) x 1e6 ----------------------------------------------------------------------
@@ -78,10 +78,10 @@ def standard_refractivity(height: ArrayLike, wet: float = 44.8, wet_scale: float
     Dry 77.6 p/T and wet 3.73e5 e/T^2, p and e in hPa (Smith and Weintraub 1953; ITU-R P.453).
     """
     height = np.asarray(height, dtype=float)
-    below = np.minimum(height, _TOP_OF_STANDARD)
-    _, pressure, temperature, _ = np.vectorize(atmosphere, otypes=[float] * 4)(below)
+    limited_height = np.minimum(height, _TOP_OF_STANDARD)
+    _, pressure, temperature, _ = np.vectorize(atmosphere, otypes=[float] * 4)(limited_height)
     dry = 0.776 * pressure / temperature
-    tail = np.exp((below - height) / _TAIL_SCALE)
+    tail = np.exp((limited_height - height) / _TAIL_SCALE)
     vapour = wet * np.exp(-height / wet_scale)
     return np.asarray(dry * tail + vapour)
 
@@ -95,12 +95,12 @@ def bean_thayer_refractivity(height: ArrayLike, surface: float = 324.8) -> Float
     height = np.asarray(height, dtype=float)
     slope = -7.32e-3 * np.exp(0.005577 * surface)
     lower = surface + slope * height
-    at_1_km = surface + 1e3 * slope
-    rate = np.log(at_1_km / 105.0) / 8e3
-    middle = at_1_km * np.exp(-rate * (height - 1e3))
+    refractivity_1_km = surface + 1e3 * slope
+    rate = np.log(refractivity_1_km / 105.0) / 8e3
+    middle = refractivity_1_km * np.exp(-rate * (height - 1e3))
     upper = 105.0 * np.exp(-0.1424e-3 * (height - 9e3))
-    above_1_km = np.where(height < 9e3, middle, upper)
-    return np.asarray(np.where(height < 1e3, lower, above_1_km))
+    upper_profile = np.where(height < 9e3, middle, upper)
+    return np.asarray(np.where(height < 1e3, lower, upper_profile))
 
 
 def exponential_refractivity(height: ArrayLike, surface: float = 315.0, scale: float = 7350.0) -> Floats:
@@ -121,7 +121,7 @@ def exponential_refractivity(height: ArrayLike, surface: float = 315.0, scale: f
     return np.asarray(surface * decay)
 
 
-def sampled(refractivity: Callable[[Floats], Floats]) -> SampledAtmosphere:
+def sample_atmosphere(refractivity: Callable[[Floats], Floats]) -> SampledAtmosphere:
     """Return the profile of a refractivity (n - 1) x 1e6 that is a function of height (n,) in m.
 
     Its logarithm is smoothed by a Gaussian with a sigma of one kilometre. At a sharp corner, such as the tropopause of
@@ -135,8 +135,8 @@ def sampled(refractivity: Callable[[Floats], Floats]) -> SampledAtmosphere:
     wings = np.arange(-3.0 * _ROUNDING, 3.0 * _ROUNDING + 1.0, _SPACING)
     weight = np.exp(-0.5 * (wings / _ROUNDING) ** 2)
     height = np.arange(BOTTOM, TOP + 1.0, _SPACING)
-    wider = np.arange(BOTTOM + wings[0], TOP + wings[-1] + 1.0, _SPACING)
-    log_samples = np.log(1e-6 * refractivity(wider))
+    wide_height = np.arange(BOTTOM + wings[0], TOP + wings[-1] + 1.0, _SPACING)
+    log_samples = np.log(1e-6 * refractivity(wide_height))
     gaussian = weight / np.sum(weight)
     log_n = np.convolve(log_samples, gaussian, "valid")
     excess = np.exp(log_n)  # n - 1
@@ -158,7 +158,7 @@ def sampled(refractivity: Callable[[Floats], Floats]) -> SampledAtmosphere:
 # --- rays -------------------------------------------------------------------------------------------------------------
 
 
-def ray(profile: SampledAtmosphere, height: ArrayLike, elevation: ArrayLike, far: float) -> Ray:
+def ray(profile: SampledAtmosphere, height: ArrayLike, elevation: ArrayLike, satellite_radius: float) -> Ray:
     """Trace rays from receivers to satellites: delay and apparent elevation from the elevation of the straight line.
 
     Parameters
@@ -167,8 +167,8 @@ def ray(profile: SampledAtmosphere, height: ArrayLike, elevation: ArrayLike, far
         The layered atmosphere on a sphere of EARTH_RADIUS.
     height, elevation
         (...,) m and rad. Height of the receiver; elevation of the straight line to the satellite, may be negative.
-    far
-        m. Distance of the satellite from the Earth's centre; outside receiver and profile.
+    satellite_radius
+        m. Distance r_far of the satellite from the Earth's centre; outside receiver and profile.
 
     Returns
     -------
@@ -180,14 +180,14 @@ def ray(profile: SampledAtmosphere, height: ArrayLike, elevation: ArrayLike, far
     is_in_air = height <= TOP
     excess_index = np.exp(np.interp(height, profile.height, profile.log_n))
     start_radius = start * (1.0 + is_in_air * excess_index)
-    straight = start * np.cos(elevation)
-    target = np.arccos(straight / far) - elevation  # central angle between receiver and satellite
+    straight_impact = start * np.cos(elevation)
+    target = np.arccos(straight_impact / satellite_radius) - elevation  # central angle between receiver and satellite
 
     def trace(apparent: Floats) -> tuple[Floats, Floats]:
         """Return the error of the central angle (rad) and the excess path (m) of rays of an apparent elevation."""
         excess, bending = _air_contribution(profile, start_radius, apparent)
         impact = start_radius * np.cos(apparent)
-        angle = np.arccos(impact / far) - apparent + bending
+        angle = np.arccos(impact / satellite_radius) - apparent + bending
         return angle - target, excess
 
     apparent = np.array(elevation)
@@ -202,10 +202,10 @@ def ray(profile: SampledAtmosphere, height: ArrayLike, elevation: ArrayLike, far
             break
     error, excess = trace(apparent)
     impact = start_radius * np.cos(apparent)  # the optical path grows by it for each radian of central angle
-    far_along = np.sqrt(far**2 - impact**2)
-    start_along = start_radius * np.sin(apparent)
-    path = far_along - start_along + excess - impact * error
-    distance = np.sqrt(far**2 - straight**2) - start * np.sin(elevation)
+    satellite_distance = np.sqrt(satellite_radius**2 - impact**2)
+    receiver_distance = start_radius * np.sin(apparent)
+    path = satellite_distance - receiver_distance + excess - impact * error
+    distance = np.sqrt(satellite_radius**2 - straight_impact**2) - start * np.sin(elevation)
     return Ray(np.asarray(path - distance), np.asarray(apparent))
 
 
@@ -250,8 +250,8 @@ def _integrals(profile: SampledAtmosphere, impact: Floats, bounds: Floats) -> tu
         (..., k) m. Bounds of the panels in the variable l.
     """
     half = 0.5 * np.diff(bounds, axis=-1)[..., None]
-    along = bounds[..., :-1, None] + half * (1.0 + _NODES)
-    square = impact[..., None, None] ** 2 + along**2
+    path_variable = bounds[..., :-1, None] + half * (1.0 + _NODES)
+    square = impact[..., None, None] ** 2 + path_variable**2
     radius = np.sqrt(square)
     f = np.exp(np.interp(radius, profile.radius, profile.log_f))
     weighted_f = half * _WEIGHTS * f
@@ -285,12 +285,12 @@ def lowest_height(latitude: ArrayLike, height: ArrayLike, azimuth: ArrayLike, el
     north = np.cos(el) * np.cos(az)
     east = np.cos(el) * np.sin(az)
     up = np.sin(el)
-    outwards = up * cos_lat - north * sin_lat
-    polewards = (up * sin_lat + north * cos_lat) * stretch
+    outward_component = up * cos_lat - north * sin_lat
+    polar_component = (up * sin_lat + north * cos_lat) * stretch
     # the line is closest to the centre at the distance sqrt(r^2 - (r . d)^2 / d^2)
-    product = level * outwards + polar * polewards
+    product = level * outward_component + polar * polar_component
     start = np.hypot(level, polar)
-    square = outwards**2 + east**2 + polewards**2
+    square = outward_component**2 + east**2 + polar_component**2
     approach = np.minimum(product, 0.0) ** 2 / square
     lowest = np.sqrt(np.maximum(start**2 - approach, 0.0))
     descent = start - lowest

@@ -57,9 +57,9 @@ def along_line(
     start = EARTH_RADIUS + height
     rise = start * np.sin(elevation)
     top = EARTH_RADIUS + _AIR
-    square_to_top = np.maximum(top**2 - start**2 + rise**2, 0.0)
-    to_top = np.sqrt(square_to_top) - rise
-    half = 0.5 * np.minimum(distance, to_top)[..., None]
+    top_square = np.maximum(top**2 - start**2 + rise**2, 0.0)
+    top_distance = np.sqrt(top_square) - rise
+    half = 0.5 * np.minimum(distance, top_distance)[..., None]
     # s = 2 half share^3: nodes are dense near the observer, where refractivity is large
     share = 0.5 * (1.0 + _NODES)
     s = 2.0 * half * share**3

@@ -40,12 +40,12 @@ def any_elevation(
     """
     el, h, radius = (np.asarray(value, dtype=float) for value in (elevation, height, earth_radius))
 
-    def upwards(angle: Floats, start: Floats) -> Floats:
+    def ascending_delay(angle: Floats, start: Floats) -> Floats:
         """Return the delay of an ascending ray of an elevation from a height."""
-        high = 1.0 / (np.sin(np.maximum(angle, join)) + offset)
-        mirrored = 1.0 / (np.sin(2.0 * join - np.minimum(angle, join)) + offset)
-        low = 2.0 / (np.sin(join) + offset) - mirrored
-        mapping = np.where(angle >= join, high, low)
+        high_mapping = 1.0 / (np.sin(np.maximum(angle, join)) + offset)
+        mirror_mapping = 1.0 / (np.sin(2.0 * join - np.minimum(angle, join)) + offset)
+        low_mapping = 2.0 / (np.sin(join) + offset) - mirror_mapping
+        mapping = np.where(angle >= join, high_mapping, low_mapping)
         factor = np.ones(())
         if gain_law:
             elevation_factor = np.minimum(0.9 + 0.1 * angle / join, 1.0)
@@ -53,12 +53,12 @@ def any_elevation(
         decay = np.exp(-start / scale_height)
         return np.asarray(gain * np.maximum(factor, 0.0) * decay * mapping)
 
-    ascending = upwards(np.abs(el), h)
+    ascent_delay = ascending_delay(np.abs(el), h)
     impact = (radius + h) * np.cos(el)
-    lowest = np.maximum(impact - radius, 0.0)
-    from_lowest = upwards(np.zeros_like(el), lowest)
-    descending = 2.0 * from_lowest - ascending
-    return np.asarray(np.where(el < 0.0, descending, ascending))
+    lowest_height = np.maximum(impact - radius, 0.0)
+    grazing_delay = ascending_delay(np.zeros_like(el), lowest_height)
+    descent_delay = 2.0 * grazing_delay - ascent_delay
+    return np.asarray(np.where(el < 0.0, descent_delay, ascent_delay))
 
 
 def spilker(
@@ -101,17 +101,17 @@ def stanag(elevation: ArrayLike, height: ArrayLike, surface: float = 324.8) -> F
     """
     el, h = (np.asarray(value, dtype=float) for value in (elevation, height))
     slope = -7.32e-3 * np.exp(0.005577 * surface)
-    at_linear = surface + _LINEAR * slope  # refractivity at the top of the linear layer
-    rate = np.log(at_linear / _AT_MIDDLE) / (_MIDDLE - _LINEAR)
+    linear_top_refractivity = surface + _LINEAR * slope  # refractivity at the top of the linear layer
+    rate = np.log(linear_top_refractivity / _AT_MIDDLE) / (_MIDDLE - _LINEAR)
     # integral over each layer from the height, or from the bottom of the layer, to its top
-    in_linear = np.minimum(h, _LINEAR)
-    lower = (surface + 0.5 * slope * (_LINEAR + in_linear)) * (_LINEAR - in_linear)
-    in_middle = np.clip(h, _LINEAR, _MIDDLE) - _LINEAR
-    decay = np.exp(-rate * in_middle)
-    middle = at_linear / rate * (decay - _AT_MIDDLE / at_linear)
-    above_middle = np.maximum(h, _MIDDLE) - _MIDDLE
-    upper = _AT_MIDDLE / _UPPER * np.exp(-_UPPER * above_middle)
-    zenith = 1e-6 * (lower + middle + upper)
+    linear_height = np.minimum(h, _LINEAR)
+    lower_integral = (surface + 0.5 * slope * (_LINEAR + linear_height)) * (_LINEAR - linear_height)
+    middle_height = np.clip(h, _LINEAR, _MIDDLE) - _LINEAR
+    decay = np.exp(-rate * middle_height)
+    middle_integral = linear_top_refractivity / rate * (decay - _AT_MIDDLE / linear_top_refractivity)
+    upper_height = np.maximum(h, _MIDDLE) - _MIDDLE
+    upper_integral = _AT_MIDDLE / _UPPER * np.exp(-_UPPER * upper_height)
+    zenith = 1e-6 * (lower_integral + middle_integral + upper_integral)
     fraction = 0.00143 / (np.tan(el) + 0.0455)
     return np.asarray(zenith / (np.sin(el) + fraction))
 
@@ -138,13 +138,13 @@ def weather(
     ratio, so that the delay falls smoothly to zero.
     """
     h = np.asarray(height, dtype=float)
-    below = np.clip(h, 0.0, TROPOPAUSE)
-    above = np.maximum(h - TROPOPAUSE, 0.0)
-    decay = np.exp(-above / _ISOTHERMAL_SCALE)
-    kelvin = temperature - 6.5e-3 * below
+    troposphere_height = np.clip(h, 0.0, TROPOPAUSE)
+    stratosphere_height = np.maximum(h - TROPOPAUSE, 0.0)
+    decay = np.exp(-stratosphere_height / _ISOTHERMAL_SCALE)
+    kelvin = temperature - 6.5e-3 * troposphere_height
     exponent = (17.15 * kelvin - 4684.0) / (kelvin - 38.45)
     vapour = 610.8 * humidity * np.exp(exponent)
-    total = pressure * (1.0 - 2.2557e-5 * below) ** 5.2568 * decay
+    total = pressure * (1.0 - 2.2557e-5 * troposphere_height) ** 5.2568 * decay
     return total, np.asarray(kelvin), np.asarray(vapour * decay)
 
 
@@ -241,6 +241,6 @@ def _fraction(elevation: Floats, a: Floats, b: Floats, c: Floats) -> Floats:
         (...,) coefficients of the fraction.
     """
     sine = np.sin(elevation)
-    at_zenith = 1.0 + a / (1.0 + b / (1.0 + c))
-    at_elevation = sine + a / (sine + b / (sine + c))
-    return np.asarray(at_zenith / at_elevation)
+    zenith_value = 1.0 + a / (1.0 + b / (1.0 + c))
+    elevation_value = sine + a / (sine + b / (sine + c))
+    return np.asarray(zenith_value / elevation_value)

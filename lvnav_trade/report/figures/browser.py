@@ -75,13 +75,13 @@ def _panel(panel: Panel, arrays: dict[bytes, int]) -> dict[str, Any]:
         # Only the lowest panel of a column has a label
         content["xunit"] = "s"
         content["xname"] = "t"
-    marks = [mark for mark in panel.marks if mark.kind != "limit" or np.isfinite(mark.data["at"])]
+    marks = [mark for mark in panel.marks if mark.mark_type != "limit" or np.isfinite(mark.data["at"])]
     return {
         **content,
         "alt": alt_text(panel),
         "linked": panel.events is not None,
         "marks": [_mark(mark, arrays) for mark in marks],
-        "filled": panel.filled,
+        "filled": panel.has_opaque_areas,
     }
 
 
@@ -94,27 +94,27 @@ def _finite_number(value: float | None) -> float | None:
 
 def _mark(mark: Mark, arrays: dict[bytes, int]) -> dict[str, Any]:
     """Return a mark with its arrays replaced by their indices in `arrays`."""
-    encoded = {name: mark.style[name] for name in _STYLES if name in mark.style}
+    encoded_mark = {name: mark.style[name] for name in _STYLES if name in mark.style}
     dashes = mark.style.get("ls", "-")
     if isinstance(dashes, str):
-        encoded["ls"] = _DASHES.get(dashes)
+        encoded_mark["ls"] = _DASHES.get(dashes)
     else:
-        encoded["ls"] = [2.0 * length for length in dashes[1]]
+        encoded_mark["ls"] = [2.0 * length for length in dashes[1]]
     if mark.style.get("hatch"):
-        encoded["hatch"] = True
-    content = _thinned(mark.data) if mark.kind in ("line", "band") else mark.data
+        encoded_mark["hatch"] = True
+    content = _thin_lines(mark.data) if mark.mark_type in ("line", "band") else mark.data
     for name, values in content.items():
         if isinstance(values, np.ndarray):
-            packed = np.asarray(values, dtype="<f4").tobytes()
-            encoded[name] = arrays.setdefault(packed, len(arrays))
+            array_bytes = np.asarray(values, dtype="<f4").tobytes()
+            encoded_mark[name] = arrays.setdefault(array_bytes, len(arrays))
             if values.ndim == 2:
-                encoded["shape"] = values.shape
+                encoded_mark["shape"] = values.shape
         else:
-            encoded[name] = values
-    return {"kind": mark.kind, "label": mark.label, **encoded}
+            encoded_mark[name] = values
+    return {"kind": mark.mark_type, "label": mark.label, **encoded_mark}
 
 
-def _thinned(data: dict[str, Floats]) -> dict[str, Floats]:
+def _thin_lines(data: dict[str, Floats]) -> dict[str, Floats]:
     """Return lines over one abscissa with at most `MOST_POINTS` points each, without loss of their extremes."""
     x = data["x"]
     if x.size <= MOST_POINTS:

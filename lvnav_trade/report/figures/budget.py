@@ -6,7 +6,7 @@ import pandas as pd
 from lvnav_trade.report.figures.figure import Figure, Panel, canvas, named_ticks
 from lvnav_trade.report.figures.style import PALETTE, drawing, over_time
 from lvnav_trade.results.evaluation.covariances import contributions
-from lvnav_trade.results.statistics.select import history_of, once, pick
+from lvnav_trade.results.statistics.select import cache_result, history_of, pick
 from lvnav_trade.results.tables.read import Tables
 
 MOST_SOURCES = 7
@@ -37,7 +37,7 @@ def budget(tables: Tables, case: str, quantity: str) -> Figure:
     layers = _layers(share, order)
     colours = _colours(list(layers), order)
 
-    unit, factor = tables.people[quantity, "3d"]
+    unit, factor = tables.display_units[quantity, "3d"]
     history = history_of(tables, case, quantity, "3d").set_index("t_s")
     true_variance = (history.lincov_true_si * factor) ** 2
     formal_variance = (history.lincov_formal_si * factor) ** 2
@@ -75,7 +75,7 @@ def budget(tables: Tables, case: str, quantity: str) -> Figure:
     return figure
 
 
-@once
+@cache_result
 def _source_order(tables: Tables) -> list[str]:
     """Return the sources of all cases and quantities, largest mean share first: all stacks of a report agree."""
     rows = pick(tables.budget, event="", axis="3d")
@@ -87,8 +87,8 @@ def _layers(share: pd.DataFrame, order: list[str]) -> pd.DataFrame:
     """Return the shares over time of the largest sources, in an order of all sources, and of all others together."""
     mean_share = share.mean().sort_values(ascending=False, kind="stable")
     largest = list(mean_share.index[:MOST_SOURCES])
-    ordered = sorted(largest, key=order.index)
-    layers = share[ordered].copy()
+    ordered_sources = sorted(largest, key=order.index)
+    layers = share[ordered_sources].copy()
     if share.shape[1] > MOST_SOURCES:
         layers[REST] = share.drop(columns=largest).sum(axis=1)
     return layers
@@ -104,8 +104,8 @@ def _colours(names: list[str], order: list[str]) -> list[str]:
             continue
         first = order.index(name) % len(_SOURCES)
         candidates = (*_SOURCES[first:], *_SOURCES[:first])
-        unused = [colour for colour in candidates if colour not in colours.values()]
-        colours[name] = unused[0]
+        unused_colours = [colour for colour in candidates if colour not in colours.values()]
+        colours[name] = unused_colours[0]
     return [colours[name] for name in names]
 
 

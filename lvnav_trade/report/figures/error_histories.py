@@ -45,16 +45,16 @@ def envelope(tables: Tables, case: str, quantity: str) -> Figure:
     outputs = tables.outputs[tables.outputs.quantity == quantity]
     axes_names = list(dict.fromkeys(outputs.axis))
     single_axes = [name for name in axes_names if name != "3d"][:3] or axes_names
-    unit, factor = tables.people[quantity, single_axes[0]]
+    unit, factor = tables.display_units[quantity, single_axes[0]]
     covariance_applies = tables.labels[case] not in _not_applicable(tables)
     figure, grid = canvas(len(single_axes), 1, 1.95, sharex=True)
     for ax, axis in zip(grid[:, 0], single_axes, strict=True):
         rows = history_of(tables, case, quantity, axis)
         _draw_run_errors(ax, rows, factor)
         if covariance_applies:
-            formal = rows.lincov_formal_si * factor
+            formal_sigma = rows.lincov_formal_si * factor
             true_rms = lincov_rms(rows) * factor
-            ax.plot(rows.t_s, formal, color="black", ls=":", lw=1.1, label="LinCov, filter's own")
+            ax.plot(rows.t_s, formal_sigma, color="black", ls=":", lw=1.1, label="LinCov, filter's own")
             ax.plot(rows.t_s, true_rms, color=PALETTE[1], ls="--", lw=1.1, label="LinCov, true error")
         ax.set(ylabel=f"{axis}, RMS or\n1 sigma ({unit})")
         scale_up(ax, "y", pd.concat([rows.rms_si, rows.lincov_true_si, rows.lincov_formal_si]) * factor)
@@ -90,7 +90,7 @@ def worst_run(tables: Tables, case: str, run: str) -> Figure:
     for ax, quantity in zip(grid[:, 0], quantities, strict=True):
         trace = traces[traces.quantity == quantity]
         history = history_of(tables, case, quantity, "3d")
-        unit, factor = tables.people[quantity, "3d"]
+        unit, factor = tables.display_units[quantity, "3d"]
         bound = 3.0 * trace.sigma_si * factor
         rms = history.rms_si * factor
         ax.plot(trace.t_s, trace.error_si * factor, color=PALETTE[1], label=f"run {run}")
@@ -112,10 +112,10 @@ def _not_applicable(tables: Tables) -> set[str]:
 def comparison(tables: Tables, quantity: str) -> Figure:
     """Draw the 3-D error of all cases over time in one panel: RMS of the runs, or of linear covariance without runs."""
     ranking = list(METRICS["ranking"](tables).case)
-    selected = {*ranking[: MOST_COMPARED - 2], *ranking[-2:]}
+    selected_labels = {*ranking[: MOST_COMPARED - 2], *ranking[-2:]}
     frames = _error_histories(tables, quantity, (), "3d", None)
-    frames = {case: rows for case, rows in frames.items() if tables.labels[case] in selected}
-    unit, factor = tables.people[quantity, "3d"]
+    frames = {case: rows for case, rows in frames.items() if tables.labels[case] in selected_labels}
+    unit, factor = tables.display_units[quantity, "3d"]
     figure, ax = panel(3.0 + 0.09 * len(frames))
     _draw_cases(ax, tables, frames, factor, dashes=False)
     ax.set(ylabel=f"{quantity} error,\n3D RMS ({unit})")
@@ -133,13 +133,13 @@ def _draw_cases(ax: Panel, tables: Tables, frames: dict[str, pd.DataFrame], fact
     """
     errors = []
     for number, (case, rows) in enumerate(frames.items()):
-        expected = rows.expected_si * factor
+        expected_error = rows.expected_si * factor
         has_runs = _has_runs(rows)
-        error = rows.rms_si * factor if has_runs else expected
-        _draw_case(ax, number, error, expected if has_runs and dashes else None, rows.t_s, tables.labels[case])
+        error = rows.rms_si * factor if has_runs else expected_error
+        _draw_case(ax, number, error, expected_error if has_runs and dashes else None, rows.t_s, tables.labels[case])
         errors.append(error)
         if dashes:
-            errors.append(expected)
+            errors.append(expected_error)
     scale_up(ax, "y", pd.concat(errors))
     over_time([ax], tables, next(iter(frames)))
 
@@ -180,7 +180,7 @@ def errors(tables: Tables, quantity: str, cases: Cases = (), axis: str = "3d", d
     during : phase; the whole history if None
     """
     frames = _error_histories(tables, quantity, cases, axis, during)
-    unit, factor = tables.people[quantity, axis]
+    unit, factor = tables.display_units[quantity, axis]
     figure, ax = panel(3.2 + 0.09 * len(frames))
     _draw_cases(ax, tables, frames, factor, dashes=True)
     ax.set(ylabel=f"{_error_name(quantity, axis)}\n({unit}; short dashes: LinCov)")
@@ -200,12 +200,12 @@ def relative(tables: Tables, quantity: str, cases: Cases = (), axis: str = "3d",
     all_ratios: list[float] = []
     for number, (case, rows) in enumerate(frames.items()):
         if number > 0:
-            expected = _base_ratio(rows, "expected_si", base)
-            ratio = expected
+            expected_ratio = _base_ratio(rows, "expected_si", base)
+            ratio = expected_ratio
             if _has_runs(rows) and _has_runs(base):
                 ratio = _base_ratio(rows, "rms_si", base)
-            _draw_case(ax, number, ratio, expected, rows.t_s, tables.labels[case])
-            all_ratios += [*ratio, *expected]
+            _draw_case(ax, number, ratio, expected_ratio, rows.t_s, tables.labels[case])
+            all_ratios += [*ratio, *expected_ratio]
         formal_ratio = rows.lincov_formal_si / rows.expected_si
         legend_entry = _OWN if number == 0 else None
         ax.plot(rows.t_s, formal_ratio, color=line_of(number)["color"], ls=":", lw=1.2, label=legend_entry)
@@ -219,7 +219,7 @@ def relative(tables: Tables, quantity: str, cases: Cases = (), axis: str = "3d",
 
 
 def _error_histories(
-    tables: Tables, quantity: str, cases: Cases, axis: str, during: str | None
+    tables: Tables, quantity: str, cases: Cases, axis: str, phase_name: str | None
 ) -> dict[str, pd.DataFrame]:
     """Return the history of an error of several cases in a phase, by digest, with the RMS error by linear covariance.
 
@@ -230,11 +230,11 @@ def _error_histories(
     frames = {}
     for case in dict.fromkeys(digests) or tables.labels:
         rows = history_of(tables, case, quantity, axis)
-        if during is not None:
-            start, end = phase(tables, case, during)
+        if phase_name is not None:
+            start, end = phase(tables, case, phase_name)
             rows = rows[rows.t_s.between(start, end)]
-        expected = np.nan if tables.labels[case] in not_applicable else lincov_rms(rows)
-        frames[case] = rows.assign(expected_si=expected)
+        expected_error = np.nan if tables.labels[case] in not_applicable else lincov_rms(rows)
+        frames[case] = rows.assign(expected_si=expected_error)
     return frames
 
 
@@ -242,13 +242,13 @@ def _draw_case(
     ax: Panel,
     number: int,
     error: pd.Series[float],
-    expected: pd.Series[float] | None,
+    expected_error: pd.Series[float] | None,
     t: pd.Series[float],
     label: str,
 ) -> None:
     """Draw the line of a case by its number, and the expectation of linear covariance as a second line unless None."""
     style = line_of(number)
-    if expected is None:
+    if expected_error is None:
         ax.plot(t, error, label=label, **style)
         return
     # Dashes mark the expectation, so cases are distinguished by markers
@@ -261,7 +261,7 @@ def _draw_case(
         ms=4.5,
         every=max(1, len(t) // _MARKERS),
     )
-    ax.plot(t, expected, color=style["color"], ls=(0, (2, 2)), lw=0.9, group=label)
+    ax.plot(t, expected_error, color=style["color"], ls=(0, (2, 2)), lw=0.9, group=label)
 
 
 def _error_name(quantity: str, axis: str) -> str:
@@ -292,14 +292,14 @@ def autocorrelation(tables: Tables, cases: Cases = (), channels: str = "") -> Fi
     frame = frame[frame.channel.str.contains(channels, regex=False) & (frame.pair_count >= 100)]
     if frame.empty:
         return message("there are no runs to correlate", "lag (epochs)", "autocorrelation (-)")
-    selected = list(dict.fromkeys(labels or frame.case))
-    is_drawn = frame.case.isin(selected) & (frame.lag_number > 0)
+    selected_labels = list(dict.fromkeys(labels or frame.case))
+    is_drawn = frame.case.isin(selected_labels) & (frame.lag_number > 0)
     extent = [-_LEAST, _LEAST, *frame.autocorrelation_ratio[is_drawn]]
     low = 1.1 * float(np.min(extent))
     high = 1.1 * float(np.max(extent))
-    n_columns = min(3, len(selected))
-    figure, grid = canvas(-(-len(selected) // n_columns), n_columns, 2.3)
-    for ax, label in zip(grid.ravel(), selected, strict=False):
+    n_columns = min(3, len(selected_labels))
+    figure, grid = canvas(-(-len(selected_labels) // n_columns), n_columns, 2.3)
+    for ax, label in zip(grid.ravel(), selected_labels, strict=False):
         _draw_autocorrelation(ax, frame[frame.case == label])
         ax.set(title=label.replace(", ", "\n"), xlabel="lag (epochs)", ylim=(low, high))
     for ax in grid[:, 0]:

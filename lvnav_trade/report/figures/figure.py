@@ -29,7 +29,7 @@ _COORDINATES = {"x": ("x", "x0", "x1"), "y": ("y", "low", "high", "y0", "y1")}
 class Mark(NamedTuple):
     """An element of a panel.
 
-    kind : kind of its data
+    mark_type : type of the element, which determines its data
         line : x, y; marker, step and dashes in the style
         band : x, low, high
         boxes : x0, x1, y0, y1 of rectangles; infinite at the edge of the panel
@@ -39,7 +39,7 @@ class Mark(NamedTuple):
     style : keywords of matplotlib: color, ls, lw, alpha, marker, ms, mfc, hatch, ec
     """
 
-    kind: str
+    mark_type: str
     data: dict[str, Any]
     style: dict[str, Any]
     label: str = ""
@@ -128,9 +128,9 @@ class Panel:
         self.events: Events | None = None
 
     @property
-    def filled(self) -> bool:
+    def has_opaque_areas(self) -> bool:
         """Whether opaque areas are drawn; faults are then shaded above them, and darker."""
-        return any(mark.kind in ("band", "boxes") and "alpha" not in mark.style for mark in self.marks)
+        return any(mark.mark_type in ("band", "boxes") and "alpha" not in mark.style for mark in self.marks)
 
     def set(self, **axes: Any) -> None:
         """Set properties of the axes.
@@ -147,9 +147,9 @@ class Panel:
         TypeError
             A property is unknown.
         """
-        unknown = set(axes) - _AXES
-        if unknown:
-            raise TypeError(f"a panel has no {', '.join(sorted(unknown))}")
+        unknown_names = set(axes) - _AXES
+        if unknown_names:
+            raise TypeError(f"a panel has no {', '.join(sorted(unknown_names))}")
         for side in {"xlim", "ylim"} & set(axes):
             axes[side] = axes[side] if isinstance(axes[side], tuple) else (axes[side], None)
         self.axes |= axes
@@ -166,9 +166,9 @@ class Panel:
         unit_end = brackets[-1].end("unit")
         return f"{text[:unit_end]}, {scale}{text[unit_end:]}"
 
-    def _add(self, kind: str, data: dict[str, Any], style: dict[str, Any]) -> None:
+    def _add(self, mark_type: str, data: dict[str, Any], style: dict[str, Any]) -> None:
         label = str(style.pop("label", None) or "")
-        self.marks.append(Mark(kind, data, style, label))
+        self.marks.append(Mark(mark_type, data, style, label))
 
     def plot(self, x: Any, y: Any, **style: Any) -> None:
         """Draw a line, with or without markers, or markers alone if ls is "none"."""
@@ -287,7 +287,7 @@ class Figure(NamedTuple):
         by_label: dict[str, Mark] = {}
         for panel in self.panels:
             for mark in panel.marks:
-                if mark.label and mark.kind != "cells":
+                if mark.label and mark.mark_type != "cells":
                     by_label.setdefault(mark.label, mark)
         return list(by_label.values())
 
@@ -331,7 +331,7 @@ def unit_of(label: str) -> str:
 
 def alt_text(panel: Panel) -> str:
     """Return the description of a panel for screen readers: axes with the range of the data, names in the legend."""
-    parts = [one_line(panel.axes.get("title", ""))]
+    phrases = [one_line(panel.axes.get("title", ""))]
     for side, name in (("y", "ordinate"), ("x", "abscissa")):
         label = one_line(panel.label(side))
         if not label and panel.events and side == "x":  # only the lowest panel of a column has a label
@@ -339,13 +339,13 @@ def alt_text(panel: Panel) -> str:
         limits = _data_range(panel, side)
         if label and limits:
             low, high = limits
-            parts.append(f"{name}: {label} from {low:.4g} to {high:.4g}")
+            phrases.append(f"{name}: {label} from {low:.4g} to {high:.4g}")
         elif label:
-            parts.append(f"{name}: {label}")
+            phrases.append(f"{name}: {label}")
     names = dict.fromkeys(one_line(mark.label) for mark in panel.marks if mark.label)
     if names:
-        parts.append(f"shown: {', '.join(names)}")
-    return "; ".join(part for part in parts if part)
+        phrases.append(f"shown: {', '.join(names)}")
+    return "; ".join(phrase for phrase in phrases if phrase)
 
 
 def one_line(text: Any) -> str:
@@ -357,7 +357,7 @@ def _data_range(panel: Panel, side: str) -> tuple[float, float] | None:
     """Return the smallest and the largest coordinate of all marks along an axis; None without data."""
     coordinates = [np.empty(0)]
     for mark in panel.marks:
-        if mark.kind != "text":
+        if mark.mark_type != "text":
             coordinates += [np.ravel(mark.data[name]) for name in _COORDINATES[side] if name in mark.data]
     values = np.concatenate(coordinates)
     values = values[np.isfinite(values)]

@@ -8,7 +8,7 @@ from lvnav_trade.quantities.state_layout import PROTECTED
 from lvnav_trade.report.figures.figure import GREY, Figure, Panel, canvas, named_ticks, panel
 from lvnav_trade.report.figures.style import PALETTE, drawing, message, over_time
 from lvnav_trade.results.evaluation import METRICS
-from lvnav_trade.results.evaluation.protection_levels import series_of
+from lvnav_trade.results.evaluation.protection_levels import protection_series
 from lvnav_trade.results.statistics.select import ends_of, history_of, pick
 from lvnav_trade.results.tables.read import Tables
 
@@ -34,8 +34,8 @@ def decisions(tables: Tables, case: str) -> Figure:
     figure, ax = panel(2.4)
     if rows.empty:
         return message("no failure is isolated", "time since lift-off (s)", "runs (%)")
-    for isolated, colour in _COLOURS.items():
-        channel_rows = rows[rows.isolated_element == isolated]
+    for element, colour in _COLOURS.items():
+        channel_rows = rows[rows.isolated_element == element]
         if channel_rows.empty:
             continue
         ax.plot(
@@ -45,7 +45,7 @@ def decisions(tables: Tables, case: str) -> Figure:
             marker="o",
             ms=3,
             color=colour,
-            label=isolated,
+            label=element,
         )
         nominal = channel_rows[channel_rows.lincov]
         ax.plot(
@@ -67,8 +67,8 @@ def mark_decisions(ax: Panel, tables: Tables, case: str) -> None:
     if pick(tables.integrity, case=case).empty:
         return
     rows = _isolation_shares(tables, case)
-    for isolated, colour in _COLOURS.items():
-        channel_rows = rows[(rows.isolated_element == isolated) & (rows.run_ratio > 0.0)]
+    for element, colour in _COLOURS.items():
+        channel_rows = rows[(rows.isolated_element == element) & (rows.run_ratio > 0.0)]
         if len(channel_rows):
             ax.plot(
                 channel_rows.t_s,
@@ -77,7 +77,7 @@ def mark_decisions(ax: Panel, tables: Tables, case: str) -> None:
                 marker="^",
                 ms=4,
                 color=colour,
-                label=f"decisions: {isolated}",
+                label=f"decisions: {element}",
             )
 
 
@@ -89,9 +89,9 @@ def protection(tables: Tables, case: str) -> Figure:
     """
     figure, grid = canvas(len(PROTECTED), 1, 2.4)
     for ax, quantity in zip(grid.ravel(), PROTECTED, strict=True):
-        levels = series_of(tables, case, quantity)
+        levels = protection_series(tables, case, quantity)
         errors = history_of(tables, case, quantity, "3d")
-        unit, factor = tables.people[quantity, "3d"]
+        unit, factor = tables.display_units[quantity, "3d"]
         ax.set(yscale="log", ylabel=f"{quantity} ({unit})")
         level = factor * levels.level_si
         fault_free_level = factor * levels.fault_free_si
@@ -125,15 +125,15 @@ def validity(tables: Tables) -> Figure:
     ratios = _furthest_ratios(tables)
     signs = _validity_signs(tables)
     levels = pd.DataFrame(tables.levels).T
-    across, down = levels
-    columns = list(dict.fromkeys(levels[across]))
-    rows = list(dict.fromkeys(levels[down]))
+    column_axis, row_axis = levels
+    columns = list(dict.fromkeys(levels[column_axis]))
+    rows = list(dict.fromkeys(levels[row_axis]))
     image = np.full((len(rows), len(columns)), np.nan)
     figure, ax = panel(1.3 + 0.32 * len(rows))
     texts: dict[tuple[int, int], str] = {}
     for case, label in tables.labels.items():
-        row = rows.index(levels.loc[case, down])
-        column = columns.index(levels.loc[case, across])
+        row = rows.index(levels.loc[case, row_axis])
+        column = columns.index(levels.loc[case, column_axis])
         image[row, column] = ratios.get(label, np.nan)
         sign = signs.get(label, "")
         ratio_text = _ratio_text(image[row, column])
@@ -151,10 +151,10 @@ def validity(tables: Tables) -> Figure:
         ax.text(column + 0.5, row + 0.5, text, ha="center", color=colour)
     ax.set(
         xticks=named_ticks(columns, 0.5),
-        xlabel=across.replace("_", " "),
+        xlabel=column_axis.replace("_", " "),
         xlim=(0.0, float(len(columns))),
         yticks=named_ticks(rows, 0.5),
-        ylabel=down.replace("_", " "),
+        ylabel=row_axis.replace("_", " "),
         ylim=(0.0, float(len(rows))),
         grid=False,
     )
@@ -164,18 +164,18 @@ def validity(tables: Tables) -> Figure:
 def _furthest_ratios(tables: Tables) -> pd.Series:
     """Return the ratio of RMS to linear covariance that is furthest from one, or its inverse, by label of the case."""
     frame = METRICS["spot_check"](tables)
-    tested = frame[frame.unit != ""]
-    ratio = tested.ratio.clip(1.0 / _WORST, _WORST)  # infinite where a run failed
+    tested_rows = frame[frame.unit != ""]
+    ratio = tested_rows.ratio.clip(1.0 / _WORST, _WORST)  # infinite where a run failed
     distance = np.abs(np.log(ratio))
-    return np.exp(distance).groupby(tested.case).max()
+    return np.exp(distance).groupby(tested_rows.case).max()
 
 
 def _validity_signs(tables: Tables) -> dict[str, str]:
     """Return a dash or a cross for the cases to which linear covariance does not apply or whose runs disagree."""
     frame = METRICS["spot_check"](tables)
-    refuted = frame[frame.verdict == "disagree"].case
-    outside = frame[frame.verdict == "not applicable"].case
-    return dict.fromkeys(refuted, "✗") | dict.fromkeys(outside, "–")
+    refuted_cases = frame[frame.verdict == "disagree"].case
+    inapplicable_cases = frame[frame.verdict == "not applicable"].case
+    return dict.fromkeys(refuted_cases, "✗") | dict.fromkeys(inapplicable_cases, "–")
 
 
 def _ratio_text(ratio: float) -> str:

@@ -8,9 +8,9 @@ import pandas as pd
 from lvnav_trade.quantities.state_layout import split_metric
 from lvnav_trade.report.figures.figure import Figure, Panel, panel
 from lvnav_trade.report.figures.style import PALETTE, drawing, over_time, scale_up
-from lvnav_trade.results.metric import where
+from lvnav_trade.results.metric import event_or_phase
 from lvnav_trade.results.requirements.margins import margins
-from lvnav_trade.results.statistics.case_results import number_in
+from lvnav_trade.results.statistics.case_results import parse_number
 from lvnav_trade.results.statistics.case_tables import CaseTables
 from lvnav_trade.results.statistics.select import history_of, pick
 from lvnav_trade.results.tables.read import Tables
@@ -28,13 +28,13 @@ class Limit(NamedTuple):
 
     requirement : Name of the requirement.
     value : The limit.
-    at : Event; empty for a phase of flight.
+    event : Event at which it applies; empty if it applies during a phase of flight.
     label : Fraction of runs, limit, unit and place.
     """
 
     requirement: str
     value: float
-    at: str
+    event: str
     label: str
 
 
@@ -55,13 +55,13 @@ def limits_of(tables: Tables, case: str, quantity: str, axis: str = "3d") -> lis
         error = CaseTables(tables, case).output(quantity, axis)
         if error is None or split_metric(str(requirement["metric"])) != (quantity, axis):
             continue
-        place = where(requirement)
-        value = number_in(requirement["below"], error.unit) * error.label_factor
+        place = event_or_phase(requirement)
+        value = parse_number(requirement["below"], error.unit) * error.label_factor
         percent = f"{100.0 * float(requirement['probability']):.6g} % of runs"
         limit = Limit(
             requirement=str(requirement["name"]),
             value=value,
-            at="" if requirement.get("during") else place,
+            event="" if requirement.get("during") else place,
             label=f"limit: {percent} below {value:.4g} {error.label_unit}, {place.replace('_', ' ')}",
         )
         limits.append(limit)
@@ -80,7 +80,7 @@ def mark_limits(ax: Panel, tables: Tables, case: str, quantity: str) -> list[flo
     for limit in limits:
         style: dict[str, Any] = {"color": "black", "group": limit.label}
         ax.axhline(limit.value, ls=(0, (5, 2)), lw=1.0, label=limit.label, **style)
-        events = pick(tables.events, case=case, event=limit.at)
+        events = pick(tables.events, case=case, event=limit.event)
         times = events.t_s
         values = np.full(len(times), limit.value)
         ax.plot(times, values, ls="none", marker="v", ms=6, **style)
@@ -113,7 +113,7 @@ def mark_quantiles(ax: Panel, tables: Tables, frame: pd.DataFrame, quantity: str
     all_margins = margins(tables)
     values: list[float] = []
     for limit in limits_of(tables, case, quantity):
-        if limit.at != frame.event.iloc[0]:
+        if limit.event != frame.event.iloc[0]:
             continue
         of_requirement = all_margins[all_margins.requirement == limit.requirement].set_index("case")
         estimates = of_requirement.estimate.reindex(frame.case).to_numpy(dtype=float)
@@ -135,7 +135,7 @@ def mark_quantiles(ax: Panel, tables: Tables, frame: pd.DataFrame, quantity: str
 @drawing
 def quantiles(tables: Tables, case: str, quantity: str) -> Figure:
     """Draw the quantiles of a 3-D error over the runs of a case, its RMS, and the limits of requirements on it."""
-    unit, factor = tables.people[quantity, "3d"]
+    unit, factor = tables.display_units[quantity, "3d"]
     rows = history_of(tables, case, quantity, "3d")
     figure, ax = panel(2.6)
     for low, high, alpha, label in _BANDS:

@@ -18,7 +18,7 @@ from lvnav_trade.results.mission.injection_accuracy import LABELS, injections_of
 from lvnav_trade.results.mission.orbit import costs
 from lvnav_trade.results.statistics.case_results import Injections
 from lvnav_trade.results.statistics.case_tables import CaseTables
-from lvnav_trade.results.statistics.probability import outline_of
+from lvnav_trade.results.statistics.probability import ellipse_points
 from lvnav_trade.results.statistics.select import final_event
 from lvnav_trade.results.tables.read import Tables
 from lvnav_trade.results.tables.run_tables import ORBIT_UNITS
@@ -91,10 +91,10 @@ def orbit(tables: Tables, case: str) -> Figure:
                 label="runs",
             )
         _draw_expected_errors(ax, state, law, plane)
-        across, up = plane
+        x_component, y_component = plane
         ax.set(
-            xlabel=f"{across.label} ({MISSION[across.metric].label_unit})".replace("\n", " "),
-            ylabel=f"{up.label} ({MISSION[up.metric].label_unit})",
+            xlabel=f"{x_component.label} ({MISSION[x_component.metric].label_unit})".replace("\n", " "),
+            ylabel=f"{y_component.label} ({MISSION[y_component.metric].label_unit})",
             margin=0.08,
         )
     _draw_cost(grid[1, 1], costs(tables, case, event))
@@ -115,7 +115,7 @@ def _draw_expected_errors(
     ax: Panel, state: stored_states.State, law: stored_states.ErrorGaussian, plane: _Plane
 ) -> None:
     """Draw the errors by linear covariance in a plane: ellipses, or draws of the Gaussian near a circular orbit."""
-    if any(mission_errors.applies(state, component.metric, law.true) for component in plane):
+    if any(mission_errors.nonlinearity_reason(state, component.metric, law.true) for component in plane):
         draws = mission_errors.draws(law.mean, law.true, _DRAW_COUNT)
         abscissas, ordinates = _plane_errors(mission_errors.orbit_errors(state, draws), plane)
         ax.plot(
@@ -131,9 +131,9 @@ def _draw_expected_errors(
         return
     gradients = [mission_errors.jacobian(state, component.metric)[component.column] for component in plane]
     jacobian = np.stack(gradients) * _label_factors(plane)[:, None]
-    true_outline = jacobian @ law.mean + outline_of(jacobian @ law.true @ jacobian.T)
+    true_outline = jacobian @ law.mean + ellipse_points(jacobian @ law.true @ jacobian.T)
     ax.plot(*true_outline.T, color=PALETTE[1], ls="--", label="LinCov, true, 3 sigma")
-    formal_outline = outline_of(jacobian @ law.formal @ jacobian.T)
+    formal_outline = ellipse_points(jacobian @ law.formal @ jacobian.T)
     ax.plot(*formal_outline.T, color="black", ls=":", label="LinCov, filter's own, 3 sigma")
 
 
@@ -296,7 +296,7 @@ def _draw_last_point(ax: Panel, tables: Tables, case: str, rows: pd.DataFrame) -
         )
     covariance = row.correlation * row.down_sigma_km * row.cross_sigma_km
     P = np.array([[row.cross_sigma_km**2, covariance], [covariance, row.down_sigma_km**2]])
-    outline = outline_of(P)
+    outline = ellipse_points(P)
     outline += np.array([row.cross_bias_km, row.down_bias_km])
     ax.plot(*outline.T, color=PALETTE[1], ls="--", label="LinCov, 3 sigma")
     event = row.event.replace("_", " ") or "last"
@@ -326,20 +326,20 @@ def injection(tables: Tables, case: str) -> Figure:
     Planes: apogee over perigee, and inclination over semi-major axis, with the expectation by linear covariance.
     """
     injections = injections_of(tables, case)
-    if not injections or not next(iter(injections.values())).injected.any():
+    if not injections or not next(iter(injections.values())).is_injected.any():
         return message("no guided run reaches its cut-off", "perigee error (km)", "apogee error (km)")
     law = CaseTables(tables, case).injection_law()
     figure, grid = canvas(1, 2, 2.9, title=tables.labels[case])
     for ax, plane in zip(grid.ravel(), _INJECTION_PLANES, strict=True):
-        across, up = plane
-        across_unit, across_factor = LABELS[ORBIT_UNITS[across]]
-        up_unit, up_factor = LABELS[ORBIT_UNITS[up]]
-        factors = [across_factor, up_factor]
-        _draw_run_errors(ax, injections[across], injections[up], factors)
+        x_element, y_element = plane
+        x_unit, x_factor = LABELS[ORBIT_UNITS[x_element]]
+        y_unit, y_factor = LABELS[ORBIT_UNITS[y_element]]
+        factors = [x_factor, y_factor]
+        _draw_run_errors(ax, injections[x_element], injections[y_element], factors)
         _draw_expected_injection(ax, law, plane, factors)
         ax.set(
-            xlabel=f"{_words(across)} error ({across_unit})",
-            ylabel=f"{_words(up)} error ({up_unit})",
+            xlabel=f"{_words(x_element)} error ({x_unit})",
+            ylabel=f"{_words(y_element)} error ({y_unit})",
             margin=0.08,
         )
     return figure
@@ -349,16 +349,16 @@ def _words(quantity: str) -> str:
     return quantity.replace("_", " ").replace("semi major", "semi-major")
 
 
-def _draw_run_errors(ax: Panel, across: Injections, up: Injections, factors: list[float]) -> None:
+def _draw_run_errors(ax: Panel, x_element: Injections, y_element: Injections, factors: list[float]) -> None:
     """Draw the errors of two orbital elements at injection, of every run with a cut-off.
 
-    across, up : elements on the horizontal and the vertical axis
+    x_element, y_element : elements on the horizontal and the vertical axis
     factors : from SI to the units of both axes
     """
     ax.axhline(0.0, color=GREY, lw=0.7, ls=":")
     for name, field, colour, marker in _INJECTION_ERRORS:
-        abscissas = getattr(across, field)[across.injected] * factors[0]
-        ordinates = getattr(up, field)[up.injected] * factors[1]
+        abscissas = getattr(x_element, field)[x_element.is_injected] * factors[0]
+        ordinates = getattr(y_element, field)[y_element.is_injected] * factors[1]
         ax.plot(
             abscissas,
             ordinates,

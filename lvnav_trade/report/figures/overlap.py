@@ -13,7 +13,8 @@ _WIDTH, _STEP, _WIDEST = 1.5, 2.0, 8.0  # points: width of a line, step for ever
 def widen_covered(figure: Figure) -> Figure:
     """Widen each labelled line by one step for each solid labelled line that covers it."""
     for panel in figure.panels:
-        lines = [mark for mark in panel.marks if mark.label and mark.kind == "line" and mark.style.get("ls") != "none"]
+        labelled_marks = [mark for mark in panel.marks if mark.label]
+        lines = [mark for mark in labelled_marks if mark.mark_type == "line" and mark.style.get("ls") != "none"]
         if len(lines) > 1:
             _widen(panel, lines)
     return figure
@@ -29,11 +30,11 @@ def _widen(panel: Panel, lines: list[Mark]) -> None:
     range_of_heights = np.ptp(finite_heights)
     if range_of_heights == 0.0:
         return
-    near = _SAME * float(range_of_heights)
+    tolerance = _SAME * float(range_of_heights)
     for number, mark in enumerate(lines):
         n_above = 0
         for k in range(number + 1, len(lines)):
-            if _is_solid(lines[k]) and _covers(mark, lines[k], heights[number], heights[k], near):
+            if _is_solid(lines[k]) and _covers(mark, lines[k], heights[number], heights[k], tolerance):
                 n_above += 1
         if n_above:
             width = float(mark.style.get("lw", _WIDTH))
@@ -51,11 +52,11 @@ def _is_solid(mark: Mark) -> bool:
     return mark.style.get("ls", "-") == "-"
 
 
-def _covers(lower: Mark, upper: Mark, lower_y: Floats, upper_y: Floats, near: float) -> bool:
+def _covers(lower: Mark, upper: Mark, lower_y: Floats, upper_y: Floats, tolerance: float) -> bool:
     """Return whether a line covers a sufficient fraction of another; False for lines over different abscissas.
 
     lower_y, upper_y : (n,). Ordinates on the scale of the panel.
-    near : distance of the ordinates below which a point is covered
+    tolerance : distance of the ordinates below which a point is covered
     """
     if not np.array_equal(lower.data["x"], upper.data["x"]):
         return False
@@ -63,4 +64,4 @@ def _covers(lower: Mark, upper: Mark, lower_y: Floats, upper_y: Floats, near: fl
     if not finite.any():
         return False
     distance = np.abs(lower_y - upper_y)[finite]
-    return bool(np.mean(distance < near) >= _PART)
+    return bool(np.mean(distance < tolerance) >= _PART)

@@ -12,7 +12,7 @@ from lvnav_trade.report.figures.figure import GREY, SHADE, Figure, Panel, canvas
 from lvnav_trade.report.figures.style import PALETTE, drawing, line_of, scale_up
 from lvnav_trade.results.evaluate import name_of
 from lvnav_trade.results.evaluation.pooled_cases import axes_of, cases_of, evaluate_single, label_of
-from lvnav_trade.results.evaluation.published import at_an_edge
+from lvnav_trade.results.evaluation.published import is_at_edge
 from lvnav_trade.results.requirements.limit_crossings import BASE, base_level
 from lvnav_trade.results.tables.read import Tables
 
@@ -45,7 +45,7 @@ def ratios(references: pd.DataFrame) -> Figure:
     is_missing = (frame.ratio.isna() | (frame.ratio <= 0.0)).to_numpy()
     places = np.arange(len(frame))
     ratio = frame.ratio.mask(is_missing, _RATIO_LIMITS[0])
-    clipped = ratio.clip(*_RATIO_LIMITS)
+    clipped_ratio = ratio.clip(*_RATIO_LIMITS)
     figure, ax = panel(1.1 + 0.17 * len(frame))
     ax.hlines(
         places,
@@ -57,10 +57,10 @@ def ratios(references: pd.DataFrame) -> Figure:
         label="band",
     )
     is_given = ~is_missing
-    _ratio_marks(ax, frame[is_given], ratio[is_given], clipped[is_given])
+    _ratio_marks(ax, frame[is_given], ratio[is_given], clipped_ratio[is_given])
     if is_missing.any():
         ax.plot(
-            clipped[is_missing],
+            clipped_ratio[is_missing],
             places[is_missing],
             ls="none",
             marker="x",
@@ -83,29 +83,29 @@ def _item_names(frame: pd.DataFrame) -> list[str]:
     return names
 
 
-def _ratio_marks(ax: Panel, rows: pd.DataFrame, ratio: pd.Series, clipped: pd.Series) -> None:
+def _ratio_marks(ax: Panel, rows: pd.DataFrame, ratio: pd.Series, clipped_ratio: pd.Series) -> None:
     """Draw ratios by their verdict, with arrows for ratios outside the axis; the ordinate is the index of the row.
 
-    clipped : ratios with those outside the axis moved to its ends
+    clipped_ratio : ratios with those outside the axis moved to its ends
     """
-    inside = rows.in_band.astype(bool)
-    edge = at_an_edge(rows)
+    is_in_band = rows.in_band.astype(bool)
+    is_near_edge = is_at_edge(rows)
     verdicts: list[tuple[pd.Series, str, dict[str, Any]]] = [
-        (inside & ~edge, "in band", {"color": PALETTE[0], "marker": "o"}),
-        (inside & edge, _AT_AN_EDGE, {"color": PALETTE[1], "marker": "D", "mfc": "white"}),
-        (~inside, "out of band", {"color": PALETTE[1], "marker": "D"}),
+        (is_in_band & ~is_near_edge, "in band", {"color": PALETTE[0], "marker": "o"}),
+        (is_in_band & is_near_edge, _AT_AN_EDGE, {"color": PALETTE[1], "marker": "D", "mfc": "white"}),
+        (~is_in_band, "out of band", {"color": PALETTE[1], "marker": "D"}),
     ]
     for selection, label, style in verdicts:
         if label == _AT_AN_EDGE and not selection.any():
             continue
         # Drawn even if it is empty, for the legend
-        within = clipped[selection & (clipped == ratio)]
-        ax.plot(within, within.index, ls="none", ms=4.5, **style, label=label)
-        for is_beyond, arrow in ((ratio < clipped, "<"), (ratio > clipped, ">")):
-            beyond = clipped[selection & is_beyond]
-            if len(beyond):
+        ratios_on_axis = clipped_ratio[selection & (clipped_ratio == ratio)]
+        ax.plot(ratios_on_axis, ratios_on_axis.index, ls="none", ms=4.5, **style, label=label)
+        for is_off_axis, arrow in ((ratio < clipped_ratio, "<"), (ratio > clipped_ratio, ">")):
+            ratios_off_axis = clipped_ratio[selection & is_off_axis]
+            if len(ratios_off_axis):
                 arrow_style = {**style, "marker": arrow}
-                ax.plot(beyond, beyond.index, ls="none", ms=4.5, **arrow_style)
+                ax.plot(ratios_off_axis, ratios_off_axis.index, ls="none", ms=4.5, **arrow_style)
 
 
 def _ratio_axes(ax: Panel, names: Sequence[str], label: str) -> None:
@@ -227,7 +227,7 @@ def locus(
     points = frame
     if level_unit:
         points = pd.concat([frame, study_points[study_points.level == BASE]]).sort_values("x", kind="stable")
-    points = points[_placed(ax, points)]
+    points = points[_is_on_axis(ax, points)]
     for number, other_levels in enumerate(dict.fromkeys(frame.others)):
         group = points[points.others == other_levels]
         ax.plot(group.x, group.value, marker="o", ms=4, label=str(other_levels) or "ours", **line_of(number))
@@ -298,7 +298,7 @@ def _study_points(
 
 def _rings(ax: Panel, points: pd.DataFrame, level_unit: str | None) -> None:
     """Draw rings around points; a point at zero on a logarithmic axis becomes a dotted line."""
-    is_placed = _placed(ax, points)
+    is_placed = _is_on_axis(ax, points)
     if is_placed.any():
         ax.plot(
             points.x[is_placed],
@@ -315,7 +315,7 @@ def _rings(ax: Panel, points: pd.DataFrame, level_unit: str | None) -> None:
         ax.axhline(value, color="black", ls=":", lw=1.1, label=f"{_STUDY_LEVEL} ({zero})")
 
 
-def _placed(ax: Panel, rows: pd.DataFrame) -> Any:
+def _is_on_axis(ax: Panel, rows: pd.DataFrame) -> Any:
     """Return whether each row has a place on the horizontal axis."""
     return (rows.x > 0.0) | (ax.axes.get("xscale") != "log")
 
@@ -337,15 +337,15 @@ def level_sizes(names: Sequence[str]) -> tuple[list[float], str | None]:
 
     The positions are the numbers of the levels if these have the same dimension; otherwise 0, 1, 2, ... and None.
     """
-    parts = [name.strip().partition(" ") for name in names]
+    split_names = [name.strip().partition(" ") for name in names]
     try:
-        numbers = [float(number) for number, _, _ in parts]
-        units = [unit for _, _, unit in parts]
+        numbers = [float(number) for number, _, _ in split_names]
+        units = [unit for _, _, unit in split_names]
         # A zero without a unit belongs to any dimension
         levels = list(zip(numbers, units, strict=True))
-        spelled = dict.fromkeys(unit for number, unit in levels if number or unit)
-        first_unit = next(iter(spelled), "")
-        if len(spelled) > 1:
+        distinct_units = dict.fromkeys(unit for number, unit in levels if number or unit)
+        first_unit = next(iter(distinct_units), "")
+        if len(distinct_units) > 1:
             texts = [f"{number} {unit or first_unit}" for number, unit in levels]
             numbers = [parse(text, first_unit) for text in texts]
     except ValueError:

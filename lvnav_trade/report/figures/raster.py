@@ -81,18 +81,18 @@ def files(figures: Mapping[str, Figure], formats: Sequence[str] = ("png",), jobs
     n_jobs = min(jobs, len(names)) if names else 1
     try:
         workers = Parallel(n_jobs=n_jobs, max_nbytes=None)
-        contents = workers(delayed(written)(*pair) for pair in arguments)
+        contents = workers(delayed(figure_bytes)(*pair) for pair in arguments)
     except TerminatedWorkerError:
         _LOG.warning("a worker process died (out of memory?); the figures are drawn one by one")
-        contents = [written(*pair) for pair in arguments]
+        contents = [figure_bytes(*pair) for pair in arguments]
     return {f"{name}.{file_format}": content for (name, file_format), content in zip(names, contents, strict=True)}
 
 
-def written(figure: Figure, ending: str) -> bytes:
+def figure_bytes(figure: Figure, ending: str) -> bytes:
     """Return a figure as a file without a date: a small PNG with few colours, or SVG."""
     buffer = io.BytesIO()
     with mpl.rc_context(_LOOK):
-        drawing = drawn(figure)
+        drawing = matplotlib_figure(figure)
         if ending == "svg":
             drawing.savefig(buffer, format="svg", metadata={"Date": None})
             return buffer.getvalue()
@@ -105,27 +105,27 @@ def written(figure: Figure, ending: str) -> bytes:
 
 def _few_colours(image: Image.Image) -> Image.Image:
     """Return a picture with `COLOURS` colours; the most frequent colours (shaded areas, grids) are exact."""
-    reduced = image.quantize(COLOURS, method=Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
-    indices = np.asarray(reduced).ravel()
+    palette_image = image.quantize(COLOURS, method=Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
+    indices = np.asarray(palette_image).ravel()
     pixels = np.asarray(image).reshape(-1, 3).astype(np.uint32)
     red, green, blue = np.moveaxis(pixels, 1, 0)
     colours = (red << 16) | (green << 8) | blue
     distinct, counts = np.unique(colours, return_counts=True)
     most_frequent = distinct[np.argsort(-counts, kind="stable")][:_EXACT]
 
-    palette = np.array(reduced.getpalette()).reshape(-1, 3)
+    palette = np.array(palette_image.getpalette()).reshape(-1, 3)
     exact: set[int] = set()
     for colour in most_frequent:
         place = int(indices[np.argmax(colours == colour)])
         if place not in exact:  # of colours that were merged, the most frequent
             palette[place] = colour >> 16, (colour >> 8) & 255, colour & 255
             exact.add(place)
-    reduced.putpalette(palette.ravel().tolist())
-    return reduced
+    palette_image.putpalette(palette.ravel().tolist())
+    return palette_image
 
 
 @mpl.rc_context(_LOOK)
-def drawn(figure: Figure) -> Drawing:
+def matplotlib_figure(figure: Figure) -> Drawing:
     """Return a figure of matplotlib that is not registered with pyplot."""
     options = dict(figure.options)
     title = options.pop("title", "")
@@ -141,7 +141,7 @@ def drawn(figure: Figure) -> Drawing:
     for axes, panel in zip(grid.ravel(), figure.panels, strict=True):  # after the marks of all that share an axis
         _set_limits(axes, panel)
     for (row, column), panel in np.ndenumerate(figure.grid):
-        is_top = all(above.events is None for above in figure.grid[:row, column])
+        is_top = all(upper_panel.events is None for upper_panel in figure.grid[:row, column])
         _mark_events(grid[row, column], panel, columns, is_top)
     if title:
         drawing.suptitle(title, fontsize=9)
@@ -170,7 +170,7 @@ def _fill(figure: Drawing, axes: Any, panel: Panel) -> None:
     _scale(axes, "x", state.get("xscale"))
     _scale(axes, "y", state.get("yscale"))
     for mark in panel.marks:
-        _DRAW[mark.kind](figure, axes, mark)
+        _DRAW[mark.mark_type](figure, axes, mark)
     for side in ("x", "y"):
         low, high = state.get(f"{side}lim", (None, None))
         if low is not None and high is None:  # the margin above the data is a fraction of the visible range
@@ -244,7 +244,7 @@ def _six_digits(value: float) -> float:
     return float(f"{value:.6g}")
 
 
-def _look(mark: Mark, *names: str) -> dict[str, Any]:
+def _mark_style(mark: Mark, *names: str) -> dict[str, Any]:
     """Return the style of a mark that is set under these names, and its label."""
     look = {name: mark.style[name] for name in names if name in mark.style}
     look["label"] = mark.label or None
@@ -252,7 +252,7 @@ def _look(mark: Mark, *names: str) -> dict[str, Any]:
 
 
 def _line(_: Drawing, axes: Any, mark: Mark) -> None:
-    style = _look(mark, "color", "ls", "lw", "alpha", "marker", "ms", "mfc")
+    style = _mark_style(mark, "color", "ls", "lw", "alpha", "marker", "ms", "mfc")
     if mark.style.get("step"):
         style["drawstyle"] = "steps-post"
     if "every" in mark.style:
@@ -271,7 +271,7 @@ def _band(_: Drawing, axes: Any, mark: Mark) -> None:
 
 def _area(mark: Mark) -> dict[str, Any]:
     """Return the style of an area for matplotlib."""
-    style = _look(mark, "alpha", "hatch", "lw")
+    style = _mark_style(mark, "alpha", "hatch", "lw")
     style["facecolor"] = mark.style.get("color", SHADE)
     style["edgecolor"] = mark.style.get("ec", "none")
     return style
@@ -294,7 +294,7 @@ def _boxes(_: Drawing, axes: Any, mark: Mark) -> None:
 
 def _limit(_: Drawing, axes: Any, mark: Mark) -> None:
     line = axes.axhline if mark.style["axis"] == "y" else axes.axvline
-    line(mark.data["at"], **_look(mark, "color", "ls", "lw", "alpha"))
+    line(mark.data["at"], **_mark_style(mark, "color", "ls", "lw", "alpha"))
 
 
 def _text(_: Drawing, axes: Any, mark: Mark) -> None:
@@ -342,8 +342,8 @@ def _mark_events(axes: Any, panel: Panel, columns: int, has_numbers: bool) -> No
                 end,
                 lw=0,
                 zorder=_OVER_AREAS,
-                color="black" if panel.filled else SHADE,
-                alpha=0.18 if panel.filled else 0.25,
+                color="black" if panel.has_opaque_areas else SHADE,
+                alpha=0.18 if panel.has_opaque_areas else 0.25,
             )
         else:
             axes.axvline(start, color=GREY, alpha=0.7, lw=2.4, ls=(0, (1.2, 0.8)), zorder=1.4)
@@ -389,9 +389,9 @@ def _draw_legend(drawing: Drawing, figure: Figure) -> None:
         legend.get_title().set_color(GREY)
 
 
-def _column_count(labels: list[str], most: int) -> int:
+def _column_count(labels: list[str], max_count: int) -> int:
     """Return the number of legend columns that fit across the page; the legend is filled column by column."""
-    for count in range(min(most, len(labels)), 1, -1):
+    for count in range(min(max_count, len(labels)), 1, -1):
         columns = np.array_split(np.array(labels, dtype=object), count)
         widths = [_HANDLE + _LETTER * max(map(len, column)) for column in columns]
         if sum(widths) <= WIDTH:

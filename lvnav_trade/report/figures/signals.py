@@ -8,7 +8,7 @@ import pandas as pd
 from lvnav_trade.report.figures.figure import GREY, Figure, Panel, canvas, named_ticks, panel
 from lvnav_trade.report.figures.style import PALETTE, drawing, over_time, scale_up
 from lvnav_trade.results.evaluation import METRICS
-from lvnav_trade.results.evaluation.satellite_tracking import counted
+from lvnav_trade.results.evaluation.satellite_tracking import satellite_counts
 from lvnav_trade.results.statistics.select import final_event, flight_events, pick
 from lvnav_trade.results.tables.read import Tables
 
@@ -40,7 +40,7 @@ _LEAST = 1e-3  # m, smallest value drawn on a logarithmic axis
 def satellites(tables: Tables, case: str) -> Figure:
     """Draw the numbers of satellites tracked and above the horizontal, and C/N0 with a link budget."""
     case_rows = pick(tables.satellites, case=case)
-    counts = counted(case_rows)
+    counts = satellite_counts(case_rows)
     has_link_budget = bool(case_rows.cn0_db_hz.notna().any())
     figure, grid = canvas(1 + has_link_budget, 1, 2.4 if has_link_budget else 2.9, sharex=True)
     ax = grid[0, 0]
@@ -132,10 +132,10 @@ def sky(tables: Tables, case: str) -> Figure:
         nearest = int(np.argmin(np.abs(times - moment)))
         t = times[nearest]
         is_visible = (rows.elevation_rad > 0) | rows.tracked
-        visible = rows[(rows.t_s == t) & is_visible]
-        _draw_sky(ax, visible, antennas, edge)
+        visible_rows = rows[(rows.t_s == t) & is_visible]
+        _draw_sky(ax, visible_rows, antennas, edge)
         ax.set(title=f"{name}\n{t:.0f} s", xlabel="azimuth, elevation (deg)")
-        skies.append(visible)
+        skies.append(visible_rows)
     _draw_key(grid[0, 0], pd.concat(skies), antennas)
     return figure
 
@@ -146,16 +146,16 @@ def _moments(tables: Tables, case: str, rows: pd.DataFrame) -> list[tuple[str, f
     event_times = flight_events(tables, case).set_index("event").t_s
     end = float(event_times.get(last, rows.t_s.max()))
     recovery = pick(METRICS["recovery"](tables), case=tables.labels[case])
-    harmful = recovery[recovery.lost_count > 0]
-    between = []
-    for fault in harmful.head(_SKY_MOST_FAULTS).itertuples():
+    harmful_faults = recovery[recovery.lost_count > 0]
+    fault_moments = []
+    for fault in harmful_faults.head(_SKY_MOST_FAULTS).itertuples():
         name = fault.fault.replace("_", " ")
         moment = max(fault.t_start_s, fault.t_end_s - 1.0)
-        between.append((name, moment))
-    if not between:
-        between = [("half way", end / 2)]
+        fault_moments.append((name, moment))
+    if not fault_moments:
+        fault_moments = [("half way", end / 2)]
     last_name = last.replace("_", " ") or "end"
-    return [("lift-off", 0.0), *between, (last_name, end)]
+    return [("lift-off", 0.0), *fault_moments, (last_name, end)]
 
 
 def _draw_sky(ax: Panel, rows: pd.DataFrame, antennas: list[int], edge: float) -> None:
@@ -288,10 +288,10 @@ def _tracking_intervals(rows: pd.DataFrame) -> pd.DataFrame:
         epochs = np.searchsorted(times, satellite_rows.t_s.to_numpy())
         # An interval begins where the preceding epoch is missing
         gaps = np.diff(epochs, prepend=-2)
-        firsts = np.flatnonzero(gaps > 1)
-        lasts = np.append(firsts[1:], len(epochs)) - 1
-        starts = epochs[firsts]
-        ends = np.minimum(epochs[lasts] + 1, len(times) - 1)
+        first_indices = np.flatnonzero(gaps > 1)
+        last_indices = np.append(first_indices[1:], len(epochs)) - 1
+        starts = epochs[first_indices]
+        ends = np.minimum(epochs[last_indices] + 1, len(times) - 1)
         for start, stop in zip(times[starts], times[ends], strict=True):
             intervals.append((name, "track", start, stop))
     return pd.DataFrame(intervals, columns=["satellite", "state", "t_s", "t_end_s"])
@@ -333,17 +333,17 @@ def delays(tables: Tables, case: str) -> Figure:
     layers = layers_of(rows) or list(LAYERS[:1])
     figure, grid = canvas(2, len(layers), 2.3, sharex=True)
     for panels, layer in zip(grid.T, layers, strict=True):
-        true, residual = panels
-        _draw_delays(true, rows, f"{layer}_m", PALETTE[0])
-        _draw_delays(residual, rows, f"{layer}_left_m", PALETTE[1])
+        true_panel, residual_panel = panels
+        _draw_delays(true_panel, rows, f"{layer}_m", PALETTE[0])
+        _draw_delays(residual_panel, rows, f"{layer}_left_m", PALETTE[1])
         true_delays = rows[f"{layer}_m"]
         true_delays = true_delays[true_delays >= _LEAST]
-        scale_up(true, "y", true_delays)
-        if true.axes.get("yscale") == "log":
-            true.set(ylim=0.7 * float(true_delays.min()))
-        residual.axhline(0.0, color="black", lw=0.7)
-        true.set(ylabel=f"{layer}, true\ndelay (m)")
-        residual.set(ylabel=f"{layer}, residual\nafter correction (m)")
+        scale_up(true_panel, "y", true_delays)
+        if true_panel.axes.get("yscale") == "log":
+            true_panel.set(ylim=0.7 * float(true_delays.min()))
+        residual_panel.axhline(0.0, color="black", lw=0.7)
+        true_panel.set(ylabel=f"{layer}, true\ndelay (m)")
+        residual_panel.set(ylabel=f"{layer}, residual\nafter correction (m)")
         over_time(panels, tables, case)
     return figure
 

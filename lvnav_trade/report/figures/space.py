@@ -8,7 +8,7 @@ import pandas as pd
 from lvnav_trade.report.figures.figure import GREY, Figure, Panel, canvas, named_ticks, panel
 from lvnav_trade.report.figures.style import PALETTE, drawing, line_of, scale_up
 from lvnav_trade.results.evaluation import METRICS
-from lvnav_trade.results.evaluation.design_space import ALL, axis_label, errors_of, people_of
+from lvnav_trade.results.evaluation.design_space import ALL, axis_label, display_unit, errors_of
 from lvnav_trade.results.evaluation.designs import designs
 from lvnav_trade.results.evaluation.tornado import limit_of, value_of
 from lvnav_trade.results.tables.read import Tables
@@ -56,7 +56,7 @@ def swings(tables: Tables, requirement: str) -> Figure:
     frame = METRICS["swings"](tables)
     frame = frame[frame.requirement == requirement]
     column = errors_of(tables, designs(tables))[requirement]
-    unit, factor = people_of(tables, column)
+    unit, factor = display_unit(tables, column)
     swing = frame.groupby("axis").error_si.agg(lambda errors: errors.max() / errors.min())
     order = sorted(dict.fromkeys(frame.axis), key=swing.get)
     figure, ax = panel(0.9 + 0.32 * len(order))
@@ -140,7 +140,7 @@ def _region_centres(ax: Panel, tables: Tables, rows: pd.DataFrame, name: str) ->
     rows : parts of the axis, with bounds `low` and `high`
     name : name of the axis
     """
-    unit, factor = people_of(tables, name)
+    unit, factor = display_unit(tables, name)
     label = axis_label(name)
     if unit:
         label = f"{label} ({unit})"
@@ -154,10 +154,10 @@ def _region_centres(ax: Panel, tables: Tables, rows: pd.DataFrame, name: str) ->
     return mean * factor
 
 
-def ratios(scanned: pd.DataFrame, answers: pd.DataFrame, name: str) -> Figure:
+def ratios(evaluations: pd.DataFrame, answers: pd.DataFrame, name: str) -> Figure:
     """Draw every requirement's ratio of error to limit along a field, by case and by filter; dots are the solutions."""
     figure, ax = panel(3.2)
-    groups = scanned.groupby(["case", "tuning", "requirement"], sort=False)
+    groups = evaluations.groupby(["case", "tuning", "requirement"], sort=False)
     for number, (names, rows) in enumerate(groups):
         ax.plot(rows.value, rows.ratio, label=_label_without_base(names), **line_of(number))
     ax.plot(
@@ -169,9 +169,9 @@ def ratios(scanned: pd.DataFrame, answers: pd.DataFrame, name: str) -> Figure:
         ms=4,
     )
     ax.axhline(1.0, color=GREY, ls="--", lw=1.0)
-    scale_up(ax, "x", scanned.value, from_zero=False)
-    scale_up(ax, "y", scanned.ratio)
-    unit = scanned.unit.iloc[0] or "-"
+    scale_up(ax, "x", evaluations.value, from_zero=False)
+    scale_up(ax, "y", evaluations.ratio)
+    unit = evaluations.unit.iloc[0] or "-"
     ax.set(xlabel=f"{name} ({unit})", ylabel="error over its limit (-)")
     return figure
 

@@ -96,11 +96,11 @@ def scale_up(ax: Panel, side: str, values: Iterable[float], from_zero: bool = Tr
     values : all drawn values, in display units
     from_zero : whether a linear axis begins at zero
     """
-    positive = [float(value) for value in values if 0.0 < value < np.inf]
+    positive_values = [float(value) for value in values if 0.0 < value < np.inf]
     is_logarithmic = False
-    if positive:
-        low = min(positive)
-        high = max(positive)
+    if positive_values:
+        low = min(positive_values)
+        high = max(positive_values)
         ax.spans[side] = low, high
         is_logarithmic = high > _LOGARITHMIC * low
     if is_logarithmic:
@@ -135,8 +135,8 @@ def _label_spans(panels: Iterable[Panel]) -> dict[str, tuple[float, float]]:
     for ax in panels:
         label = ax.label("y")
         low, high = ax.spans["y"]
-        least, most = spans.get(label, (np.inf, 0.0))
-        least = min(low, least)
-        most = max(high, most)
-        spans[label] = (least, most)
+        lowest, highest = spans.get(label, (np.inf, 0.0))
+        lowest = min(low, lowest)
+        highest = max(high, highest)
+        spans[label] = (lowest, highest)
     return spans

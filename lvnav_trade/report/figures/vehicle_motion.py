@@ -77,7 +77,7 @@ def motion(tables: Tables, case: str, quantity: str) -> Figure:
     """Draw one sigma of the errors of raw sample and estimate, of rate or acceleration, one panel for each axis."""
     outputs = tables.outputs[tables.outputs.quantity == quantity]
     axes_names = [axis for axis in dict.fromkeys(outputs.axis) if axis != "3d"]
-    unit, factor = tables.people[quantity, axes_names[0]]
+    unit, factor = tables.display_units[quantity, axes_names[0]]
     figure, grid = canvas(len(axes_names), 1, 1.95, sharex=True)
     for ax, axis in zip(grid[:, 0], axes_names, strict=True):
         raw = history_of(tables, case, f"raw_{quantity}", axis)
@@ -274,13 +274,13 @@ def allan(tables: Tables, case: str) -> Figure:
             color=PALETTE[1],
             label="simulated",
         )
-        least = sensor_rows[["card", "simulated"]].to_numpy().min()
+        smallest_deviation = sensor_rows[["card", "simulated"]].to_numpy().min()
         ax.set(
             xscale="log",
             yscale="log",
             xlabel="averaging time (s)",
             ylabel=f"{sensor}\n({sensor_rows.unit.iloc[0]})",
-            ylim=(0.3 * max(least, 1e-30), None),
+            ylim=(0.3 * max(smallest_deviation, 1e-30), None),
         )
     return figure
 

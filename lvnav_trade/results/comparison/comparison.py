@@ -13,12 +13,12 @@ from lvnav_trade.quantities import units
 from lvnav_trade.quantities.errors import InputError
 from lvnav_trade.quantities.state_layout import split_metric
 from lvnav_trade.results.comparison import paired_changes
-from lvnav_trade.results.comparison.matching import Pair, left_out, match
+from lvnav_trade.results.comparison.matching import Pair, match, unmatched_case_notes
 from lvnav_trade.results.evaluate import errors_at
-from lvnav_trade.results.metric import where
-from lvnav_trade.results.requirements.improvements import expected
+from lvnav_trade.results.metric import event_or_phase
+from lvnav_trade.results.requirements.improvements import lincov_verdicts
 from lvnav_trade.results.requirements.requirements import errors_of
-from lvnav_trade.results.statistics.case_results import RunErrors, number_in
+from lvnav_trade.results.statistics.case_results import RunErrors, parse_number
 from lvnav_trade.results.statistics.select import at_time, final_event, flight_events, history_of, lincov_rms, pick
 from lvnav_trade.results.tables.read import Tables, load
 
@@ -42,7 +42,7 @@ class Effect(NamedTuple):
     """Smallest change of interest of a metric."""
 
     metric: str  # name of a metric or of a requirement
-    at: str  # event; empty for injection or the last event
+    event: str  # event; empty for injection or the last event
     statistic: str  # rms, or q95 for a quantile
     amount: str  # as written: a percentage, a quantity with its unit, or none to exclude the metric
 
@@ -73,7 +73,7 @@ def parse_effect(key: str, amount: str) -> Effect:
     text = amount.strip()
     effect = Effect(
         metric=match["metric"].strip(),
-        at=(match["at"] or "").strip(),
+        event=(match["at"] or "").strip(),
         statistic=match["statistic"] or "rms",
         amount=text,
     )
@@ -155,19 +155,19 @@ def _merge_effects(base: Tables, user_effects: Sequence[Effect]) -> list[Effect]
     """Return the effects to compare: defaults, then requirements, then the user's; the amount "none" removes one."""
     allowed_failures = {str(item["name"]): 1.0 - float(item["probability"]) for item in _requirements(base)}
     defaults = [Effect(metric, "", "rms", DEFAULT) for metric in DEFAULT_METRICS]
-    merged: dict[tuple[str, str, str], Effect] = {}
+    effect_by_key: dict[tuple[str, str, str], Effect] = {}
     for effect in [*defaults, *user_effects]:
         is_requirement = effect.metric in allowed_failures and effect.statistic == "rms"
         if is_requirement or effect.metric == FAILED_RUNS:
             effect = effect._replace(statistic="beyond")
-        merged[effect.metric, effect.at, effect.statistic] = effect
-    metrics = {metric for metric, _, _ in merged}
+        effect_by_key[effect.metric, effect.event, effect.statistic] = effect
+    metrics = {metric for metric, _, _ in effect_by_key}
     for name, fraction in allowed_failures.items():
         if name not in metrics:
-            merged[name, "", BY_RUNS] = Effect(name, "", BY_RUNS, f"{100.0 * fraction:.12g} %")
+            effect_by_key[name, "", BY_RUNS] = Effect(name, "", BY_RUNS, f"{100.0 * fraction:.12g} %")
     failed_runs = Effect(FAILED_RUNS, "", "beyond", FAILED_EFFECT)
-    merged.setdefault((FAILED_RUNS, "", "beyond"), failed_runs)
-    return [effect for effect in merged.values() if effect.amount != "none"]
+    effect_by_key.setdefault((FAILED_RUNS, "", "beyond"), failed_runs)
+    return [effect for effect in effect_by_key.values() if effect.amount != "none"]
 
 
 def _requirements(tables: Tables) -> list[dict[str, Any]]:
@@ -195,7 +195,7 @@ def _amount(effect: Effect, unit: str) -> float:
 class _Task(NamedTuple):
     """Data of one row of the comparison."""
 
-    kind: str  # error, requirement or failures
+    task_type: str  # error, requirement or failures
     pair: Pair
     effect: Effect
     event: str
@@ -204,49 +204,51 @@ class _Task(NamedTuple):
     bound: float = np.inf  # bound, if fractions of runs beyond it are compared
 
     @property
-    def counted(self) -> bool:
+    def is_fraction(self) -> bool:
         """Whether fractions of runs beyond a bound are compared, and not errors."""
         return self.effect.statistic == "beyond"
 
     @property
-    def relative(self) -> bool:
+    def is_relative(self) -> bool:
         """Whether the change is relative to the error of the base."""
-        return not self.counted and _is_relative(self.effect.amount)
+        return not self.is_fraction and _is_relative(self.effect.amount)
 
     def row(self, base: Tables, candidate: Tables, alpha_low: float, alpha_high: float) -> dict[str, Any]:
         """Return the row of the comparison.
 
         alpha_low, alpha_high : error probabilities of the lower and upper bound on the change
         """
-        n = min(len(self.first.size), len(self.second.size))
+        n = min(len(self.first.magnitude), len(self.second.magnitude))
         if not n:
             return self._filled_row(self._expected_change(base, candidate), 0, "by linear covariance")
-        first, second = self.first.size[:n], self.second.size[:n]
+        first, second = self.first.magnitude[:n], self.second.magnitude[:n]
         is_finite = np.isfinite(first) & np.isfinite(second)
         is_fitted = False
-        if self.counted:
-            change = paired_changes.beyond_change(first >= self.bound, second >= self.bound, alpha_low, alpha_high)
+        if self.is_fraction:
+            change = paired_changes.exceedance_change(first >= self.bound, second >= self.bound, alpha_low, alpha_high)
         elif not is_finite.any():
             return self._filled_row(paired_changes.UNKNOWN_CHANGE, 0, "no run is good in both")
         elif self.effect.statistic == "rms":
             change = paired_changes.rms_change(
-                first[is_finite], second[is_finite], self.relative, alpha_low, alpha_high
+                first[is_finite], second[is_finite], self.is_relative, alpha_low, alpha_high
             )
         else:
             probability = float(self.effect.statistic[1:]) / 100.0
-            is_fitted = not paired_changes.supports(int(is_finite.sum()), probability)
+            is_fitted = not paired_changes.has_enough_runs(int(is_finite.sum()), probability)
             find_change = paired_changes.fitted_quantile_change if is_fitted else paired_changes.quantile_change
-            change = find_change(first[is_finite], second[is_finite], probability, self.relative, alpha_low, alpha_high)
+            change = find_change(
+                first[is_finite], second[is_finite], probability, self.is_relative, alpha_low, alpha_high
+            )
         if np.array_equal(first, second):
-            same = change._replace(change=0.0, low=0.0, high=0.0, effective_runs=float("inf"))
-            return self._filled_row(same, n, "the same in every run") | {"verdict": "not worse"}
+            zero_change = change._replace(change=0.0, low=0.0, high=0.0, effective_runs=float("inf"))
+            return self._filled_row(zero_change, n, "the same in every run") | {"verdict": "not worse"}
         return self._filled_row(change, n, self._remark(change, is_fitted))
 
     def _expected_change(self, base: Tables, candidate: Tables) -> paired_changes.Change:
         """Return the change by linear covariance, which has no sampling error."""
         first = _expected_statistic(base, self.pair.base, self)
         second = _expected_statistic(candidate, self.pair.candidate, self)
-        change = second / first - 1.0 if self.relative and first else second - first
+        change = second / first - 1.0 if self.is_relative and first else second - first
         return paired_changes.Change(first, second, change, change, change, float("nan"))
 
     def _remark(self, change: paired_changes.Change, is_fitted: bool) -> str:
@@ -260,19 +262,19 @@ class _Task(NamedTuple):
         return "; ".join(remarks)
 
     def _filled_row(self, change: paired_changes.Change, runs: int, remark: str) -> dict[str, Any]:
-        if self.counted:
+        if self.is_fraction:
             size, unit, scale = 1.0, "", "fraction of runs"
         else:
             size, unit = self.first.label_factor, self.first.label_unit
-            scale = "ratio" if self.relative else unit
-        factor = 1.0 if self.relative else size
+            scale = "ratio" if self.is_relative else unit
+        factor = 1.0 if self.is_relative else size
         amount = _amount(self.effect, self.first.unit)
         return {
             "case": self.pair.label,
-            "kind": self.kind,
+            "kind": self.task_type,
             "metric": self.effect.metric,
             "event": self.event,
-            "statistic": "fraction beyond" if self.counted else self.effect.statistic,
+            "statistic": "fraction beyond" if self.is_fraction else self.effect.statistic,
             "unit": unit,
             "base": change.base * size,
             "candidate": change.candidate * size,
@@ -307,7 +309,7 @@ def _tasks(base: Tables, candidate: Tables, pair: Pair, effects: Sequence[Effect
 def _failure_task(base: Tables, candidate: Tables, pair: Pair, effect: Effect) -> _Task | None:
     first = _failures(base, pair.base)
     second = _failures(candidate, pair.candidate)
-    if not (first.size.any() or second.size.any()):
+    if not (first.magnitude.any() or second.magnitude.any()):
         return None
     return _Task("failures", pair, effect, "", first, second, bound=0.5)
 
@@ -319,26 +321,26 @@ def _requirement_task(
     second = errors_of(candidate, pair.candidate, requirement)
     if first is None or second is None:
         return None
-    runs = min(len(first.size), len(second.size))
+    runs = min(len(first.magnitude), len(second.magnitude))
     return _Task(
-        kind="requirement",
+        task_type="requirement",
         pair=pair,
         effect=_required_effect(effect, float(requirement["probability"]), runs),
-        event=where(requirement),
+        event=event_or_phase(requirement),
         first=first,
         second=second,
-        bound=number_in(requirement["below"], first.unit),
+        bound=parse_number(requirement["below"], first.unit),
     )
 
 
 def _error_task(base: Tables, candidate: Tables, pair: Pair, effect: Effect) -> _Task | None:
-    event = effect.at or final_event(base, pair.base)
+    event = effect.event or final_event(base, pair.base)
     first = errors_at(base, pair.base, event, effect.metric)
     second = errors_at(candidate, pair.candidate, event, effect.metric)
     is_stored = event in set(flight_events(base, pair.base).event)
     if first is not None and second is not None and is_stored:
         return _Task("error", pair, effect, event, first, second)
-    if effect.at or effect.metric not in DEFAULT_METRICS:
+    if effect.event or effect.metric not in DEFAULT_METRICS:
         raise InputError(_unknown_metric(base, pair, effect, event))
     return None
 
@@ -351,7 +353,7 @@ def _required_effect(effect: Effect, probability: float, runs: int) -> Effect:
     """
     if effect.statistic != BY_RUNS:
         return effect
-    if runs and not paired_changes.supports(runs, probability):
+    if runs and not paired_changes.has_enough_runs(runs, probability):
         return effect._replace(statistic=f"q{100.0 * probability:.12g}", amount=DEFAULT)
     return effect._replace(statistic="beyond")
 
@@ -376,8 +378,8 @@ def _failures(tables: Tables, case: str) -> RunErrors:
 
 def _expected_statistic(tables: Tables, case: str, task: _Task) -> float:
     """Return the statistic of one side by linear covariance; NaN if it is not known."""
-    if task.counted:
-        rows = pick(expected(tables), requirement=task.effect.metric, case=tables.labels[case])
+    if task.is_fraction:
+        rows = pick(lincov_verdicts(tables), requirement=task.effect.metric, case=tables.labels[case])
         return 1.0 - float(rows.expected_probability.iloc[0]) if len(rows) else float("nan")
     quantity, axis = split_metric(task.effect.metric)
     history = history_of(tables, case, quantity, axis)
@@ -389,7 +391,7 @@ def _expected_statistic(tables: Tables, case: str, task: _Task) -> float:
 
 
 def _notes(base: Tables, candidate: Tables, pairs: Sequence[Pair]) -> tuple[str, ...]:
-    notes = left_out(base, candidate, pairs)
+    notes = unmatched_case_notes(base, candidate, pairs)
     first, second = (tables.manifest.get("code_digest") for tables in (base, candidate))
     if first != second:
         notes.append(f"Computed by two versions of the code ({first} and {second}).")

@@ -61,15 +61,16 @@ def match(base: Tables, candidate: Tables, mapping: Mapping[str, str] | None = N
     return pairs
 
 
-def left_out(base: Tables, candidate: Tables, pairs: Sequence[Pair]) -> list[str]:
+def unmatched_case_notes(base: Tables, candidate: Tables, pairs: Sequence[Pair]) -> list[str]:
     """Return a note on the cases that have no partner."""
     base_cases = {pair.base for pair in pairs}
     candidate_cases = {pair.candidate for pair in pairs}
     notes = []
-    for tables, compared, opposite in ((base, base_cases, candidate), (candidate, candidate_cases, base)):
-        unpaired = [label for case, label in tables.labels.items() if case not in compared]
-        if unpaired:
-            notes.append(f"Not compared, because {opposite.folder} has no such case: {'; '.join(unpaired)}.")
+    for tables, paired_cases, other_tables in ((base, base_cases, candidate), (candidate, candidate_cases, base)):
+        unmatched_labels = [label for case, label in tables.labels.items() if case not in paired_cases]
+        if unmatched_labels:
+            label_text = "; ".join(unmatched_labels)
+            notes.append(f"Not compared, because {other_tables.folder} has no such case: {label_text}.")
     return notes
 
 
@@ -167,9 +168,9 @@ def _trajectory_difference(base: Tables, candidate: Tables, pair: Pair) -> str:
         return f"{pair.label}: other trajectory (lift-off at {epoch} and at {candidate_epoch})"
     times = flight_events(base, pair.base).set_index("event").t_s.to_dict()
     candidate_times = flight_events(candidate, pair.candidate).set_index("event").t_s.to_dict()
-    unshared = sorted(set(times) ^ set(candidate_times))
-    if unshared:
-        return f"{pair.label}: other events (only one of the two has {', '.join(unshared)})"
+    differing_events = sorted(set(times) ^ set(candidate_times))
+    if differing_events:
+        return f"{pair.label}: other events (only one of the two has {', '.join(differing_events)})"
     for name, t in times.items():
         if abs(t - candidate_times[name]) > SAME_TIME:
             return f"{pair.label}: other events ({name} at {t:g} s and at {candidate_times[name]:g} s)"

@@ -185,20 +185,20 @@ def quantile_change(
         high=float("nan"),
         effective_runs=float("nan"),
     )
-    if not supports(n, probability):
+    if not has_enough_runs(n, probability):
         return change
-    resampled = _resample_quantiles(pair, rank)
-    differences = _difference(resampled[0], resampled[1], relative)
+    quantiles = _resample_quantiles(pair, rank)
+    differences = _difference(quantiles[0], quantiles[1], relative)
     low, high = np.quantile(differences, [alpha_low, 1.0 - alpha_high])
-    if relative and np.all(resampled > 0.0):
-        resampled = np.log(resampled)
-    unpaired_variance = float(resampled.var(axis=1).sum())
-    paired_variance = float(np.var(resampled[1] - resampled[0]))
+    if relative and np.all(quantiles > 0.0):
+        quantiles = np.log(quantiles)
+    unpaired_variance = float(quantiles.var(axis=1).sum())
+    paired_variance = float(np.var(quantiles[1] - quantiles[0]))
     effective_runs = _effective_runs(n, unpaired_variance, paired_variance)
     return change._replace(low=float(low), high=float(high), effective_runs=effective_runs)
 
 
-def supports(runs: int, probability: float) -> bool:
+def has_enough_runs(runs: int, probability: float) -> bool:
     """Return whether a number of runs gives a bound on a quantile without an assumed distribution.
 
     Parameters
@@ -298,13 +298,13 @@ def _resample_quantiles(pair: Floats, rank: int) -> Floats:
     step = max(1, _CHUNK // n)
     for start in range(0, RESAMPLES, step):
         stop = min(RESAMPLES, start + step)
-        chosen = generator.integers(0, n, (stop - start, n))
+        indices = generator.integers(0, n, (stop - start, n))
         for k in range(2):
-            quantiles[k, start:stop] = np.partition(pair[k][chosen], rank, axis=1)[:, rank]
+            quantiles[k, start:stop] = np.partition(pair[k][indices], rank, axis=1)[:, rank]
     return quantiles
 
 
-def beyond_change(base: Bools, candidate: Bools, alpha_low: float, alpha_high: float) -> Change:
+def exceedance_change(base: Bools, candidate: Bools, alpha_low: float, alpha_high: float) -> Change:
     """Return the change of the fraction of runs beyond a limit, with score bounds for paired fractions (Tango 1998).
 
     Parameters
@@ -324,12 +324,12 @@ def beyond_change(base: Bools, candidate: Bools, alpha_low: float, alpha_high: f
     As in McNemar's test, only runs beyond the limit in one case but not in the other give information.
     """
     n = len(base)
-    more = int(np.sum(candidate & ~base))
-    less = int(np.sum(base & ~candidate))
+    candidate_only = int(np.sum(candidate & ~base))
+    base_only = int(np.sum(base & ~candidate))
     first = float(np.mean(base))
     second = float(np.mean(candidate))
     unpaired_variance = first * (1.0 - first) + second * (1.0 - second)
-    paired_variance = (more + less) / n - (second - first) ** 2
+    paired_variance = (candidate_only + base_only) / n - (second - first) ** 2
     effective_runs = float("nan")
     if unpaired_variance:
         effective_runs = _effective_runs(n, unpaired_variance, paired_variance)
@@ -337,20 +337,20 @@ def beyond_change(base: Bools, candidate: Bools, alpha_low: float, alpha_high: f
         base=first,
         candidate=second,
         change=second - first,
-        low=_score_limit(n, more, less, float(stats.norm.isf(alpha_low))),
-        high=-_score_limit(n, less, more, float(stats.norm.isf(alpha_high))),
+        low=_score_limit(n, candidate_only, base_only, float(stats.norm.isf(alpha_low))),
+        high=-_score_limit(n, base_only, candidate_only, float(stats.norm.isf(alpha_high))),
         effective_runs=effective_runs,
     )
 
 
-def _score_limit(n: int, more: int, less: int, z: float) -> float:
+def _score_limit(n: int, candidate_only: int, base_only: int, z: float) -> float:
     """Return the lower limit on the difference of paired fractions, at which the score statistic equals z.
 
     Parameters
     ----------
     n : int
         Number of pairs of runs.
-    more, less : int
+    candidate_only, base_only : int
         Number of pairs beyond the limit in the candidate only, and in the base only.
     z : float
         Normal quantile of the confidence of the limit.
@@ -362,17 +362,18 @@ def _score_limit(n: int, more: int, less: int, z: float) -> float:
     """
 
     def excess(difference: float) -> float:
-        # The nuisance parameter, the probability of less, is the root of a x^2 + b x + c that maximises the likelihood.
+        # The nuisance parameter, the probability that a run is beyond the limit in the base only, is the root of
+        # a x^2 + b x + c that maximises the likelihood.
         a = 2.0 * n
-        b = (2.0 * n - more + less) * difference - more - less
-        c = -less * difference * (1.0 - difference)
+        b = (2.0 * n - candidate_only + base_only) * difference - candidate_only - base_only
+        c = -base_only * difference * (1.0 - difference)
         discriminant = max(0.0, b * b - 4.0 * a * c)
         nuisance = (np.sqrt(discriminant) - b) / (2.0 * a)
         variance = n * (2.0 * nuisance + difference * (1.0 - difference))
-        return float(more - less - n * difference - z * np.sqrt(max(variance, 0.0)))
+        return float(candidate_only - base_only - n * difference - z * np.sqrt(max(variance, 0.0)))
 
     lowest = -1.0 + 1e-12
-    highest = (more - less) / n - 1e-9  # below the estimate, where the statistic may be 0 / 0
+    highest = (candidate_only - base_only) / n - 1e-9  # below the estimate, where the statistic may be 0 / 0
     if highest <= lowest or excess(lowest) <= 0.0:
         return -1.0
     return float(optimize.brentq(excess, lowest, highest, xtol=1e-12))

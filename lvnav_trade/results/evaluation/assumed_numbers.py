@@ -7,8 +7,8 @@ import pandas as pd
 
 from lvnav_trade.quantities.marks import marks_in
 from lvnav_trade.results.evaluation.resources import scenario_of
-from lvnav_trade.results.statistics.display_units import in_people, split
-from lvnav_trade.results.statistics.select import once
+from lvnav_trade.results.statistics.display_units import display_text, split_quantity
+from lvnav_trade.results.statistics.select import cache_result
 from lvnav_trade.results.tables.read import Tables
 
 ASSUMPTIONS = ["case", "place", "card", "field", "mark", "value_text", "reason"]
@@ -17,7 +17,7 @@ DEVICES = ("imu", "receiver", "sensors")
 _RESOURCES = ("cost", "mass", "power", "volume", "mtbf")
 
 
-@once
+@cache_result
 def assumptions(tables: Tables) -> pd.DataFrame:
     """Return every marked number of every case.
 
@@ -26,22 +26,22 @@ def assumptions(tables: Tables) -> pd.DataFrame:
     """
     rows = []
     for case, label in tables.labels.items():
-        for marked in marks_in(scenario_of(tables, case)):
+        for marked_number in marks_in(scenario_of(tables, case)):
             row = {
                 "case": label,
-                "place": marked.card,
-                "card": marked.name,
-                "field": marked.field,
-                "mark": marked.mark,
-                "value_text": in_people(marked.value),
-                "reason": marked.reason,
+                "place": marked_number.card,
+                "card": marked_number.name,
+                "field": marked_number.field,
+                "mark": marked_number.mark,
+                "value_text": display_text(marked_number.value),
+                "reason": marked_number.reason,
             }
             rows.append(row)
     return pd.DataFrame(rows, columns=ASSUMPTIONS)
 
 
-@once
-def compared_by(tables: Tables) -> pd.DataFrame:
+@cache_result
+def varied_assumptions(tables: Tables) -> pd.DataFrame:
     """Return the marked numbers of devices in which the cases differ, and on which a ranking of the cases depends.
 
     Columns: device (such as imu), field (within the device), mark, marked (number of cases with the mark), cases
@@ -51,12 +51,12 @@ def compared_by(tables: Tables) -> pd.DataFrame:
     scenarios = {label: scenario_of(tables, case) for case, label in tables.labels.items()}
     for label, scenario in scenarios.items():
         devices = {name: scenario[name] for name in DEVICES if scenario.get(name)}
-        for marked in marks_in(devices):
-            depth = 2 if marked.card.startswith("sensors.") else 1
-            device = ".".join(marked.card.split(".")[:depth])
-            path = f"{marked.card}.{marked.field}".removeprefix(f"{device}.")
-            for field in _marked_fields(path, marked.value):
-                cases_by_field.setdefault((device, field, marked.mark), set()).add(label)
+        for marked_number in marks_in(devices):
+            depth = 2 if marked_number.card.startswith("sensors.") else 1
+            device = ".".join(marked_number.card.split(".")[:depth])
+            path = f"{marked_number.card}.{marked_number.field}".removeprefix(f"{device}.")
+            for field in _marked_fields(path, marked_number.value):
+                cases_by_field.setdefault((device, field, marked_number.mark), set()).add(label)
     rows = []
     for (device, field, mark), labels in cases_by_field.items():
         values = {str(_value_at(scenario, f"{device}.{field}")) for scenario in scenarios.values()}
@@ -123,7 +123,7 @@ _TERMS = {
 """Terms of each device with their dotted path in its card."""
 
 
-@once
+@cache_result
 def configuration(tables: Tables) -> pd.DataFrame:
     """Return the key numbers of every case.
 
@@ -165,8 +165,8 @@ def _configuration_rows(
         value: Any = card
         for step in path.split("."):
             value = value.get(step) if isinstance(value, Mapping) else None
-        number, unit = split(value) or (None, "")
-        text = "none" if number == 0.0 else in_people(value) or "–"
+        number, unit = split_quantity(value) or (None, "")
+        text = "none" if number == 0.0 else display_text(value) or "–"
         yield device, name, term, text, number, unit
 
 

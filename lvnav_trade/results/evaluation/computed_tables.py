@@ -26,17 +26,17 @@ from lvnav_trade.results.evaluation import (
 )
 from lvnav_trade.results.mission import impact, injection_accuracy, orbit
 from lvnav_trade.results.requirements import confirmation, limit_crossings, margins, windows
-from lvnav_trade.results.statistics.select import once
+from lvnav_trade.results.statistics.select import cache_result
 from lvnav_trade.results.tables.read import Tables, load
 
 
 def _of_results(metric: Callable[[Tables], pd.DataFrame]) -> Callable[[Path | str | Tables], pd.DataFrame]:
     """Return a function of a results folder or its tables that computes a table once and caches it."""
-    computed = once(metric)
+    cached_table = cache_result(metric)
 
     @wraps(metric)
     def of_results(results: Path | str | Tables) -> pd.DataFrame:
-        return computed(load(results))
+        return cached_table(load(results))
 
     return of_results
 

@@ -26,14 +26,14 @@ class ConvergenceTimes(NamedTuple):
     """Convergence times in a phase."""
 
     times: Floats  # (n_run,) s after the start of the phase; its length for a run that does not converge
-    done: NDArray[np.bool_]  # (n_run,) whether the run converges: it is below the limit at the last event
-    expected: float  # convergence time of the RMS error by linear covariance, s
-    expected_done: bool  # whether this error converges
+    has_converged: NDArray[np.bool_]  # (n_run,) whether the run converges: it is below the limit at the last event
+    lincov_time: float  # convergence time of the RMS error by linear covariance, s
+    has_lincov_converged: bool  # whether this error converges
     n_event: int  # number of events at which the errors are compared with the limit
     length: float  # length of the phase, s
 
 
-def multiple_in(text: str) -> tuple[float, str] | None:
+def parse_multiple(text: str) -> tuple[float, str] | None:
     """Return number and word of a limit such as ``3 sigma`` or ``3 rms``; None if it is a quantity."""
     number, _, word = text.strip().partition(" ")
     if word.strip() in ("sigma", "rms"):
@@ -41,8 +41,13 @@ def multiple_in(text: str) -> tuple[float, str] | None:
     return None
 
 
-def converged(
-    tables: Tables, case: str, quantity: str, during: tuple[float, float], below: str, other: str = ""
+def convergence_times(
+    tables: Tables,
+    case: str,
+    quantity: str,
+    phase_times: tuple[float, float],
+    limit_text: str,
+    reference_case: str = "",
 ) -> ConvergenceTimes | None:
     """Return the times after which the 3-D error of a quantity stays below a limit, at the events of a phase.
 
@@ -54,24 +59,24 @@ def converged(
         Digest of the case.
     quantity : str
         attitude, velocity or position.
-    during : (float, float)
+    phase_times : (float, float)
         First and last time of the phase (s).
-    below : str
-        Limit: a quantity with its unit, or a multiple of the error of the case `other` by linear covariance at each
+    limit_text : str
+        Limit: a quantity with its unit, or a multiple of the error of `reference_case` by linear covariance at each
         event, ``rms`` (with the mean error) or ``sigma`` (without).
-    other : str
-        Digest of the other case.
+    reference_case : str
+        Digest of the case whose sigma or RMS gives the limit; empty for a limit with a unit.
 
     Returns
     -------
     ConvergenceTimes or None
         Times; None without runs, or with fewer than two events in the phase. A failed run is above the limit.
     """
-    first, last = during
+    first, last = phase_times
     events = rows_between(flight_events(tables, case), first, last)
     if len(events) < 2 or pick(tables.runs, case=case).empty:
         return None
-    limits = _limits(tables, case, quantity, events, below, other)
+    limits = _limits(tables, case, quantity, events, limit_text, reference_case)
     history = history_of(tables, case, quantity, "3d")
     runs_below, expected_below = [], []  # by event
     for event, t, limit in zip(events.event, events.t_s, limits, strict=True):
@@ -80,13 +85,13 @@ def converged(
         runs_below.append((size < limit) & (rows.failure == "").to_numpy())
         expected_below.append([_rms(at_time(history, t)) < limit])
     times = np.append(events.t_s.to_numpy(), last)
-    run_times, done = _first_times_below(np.array(runs_below), times)
-    expected_time, expected_done = _first_times_below(np.array(expected_below), times)
+    run_times, has_converged = _first_times_below(np.array(runs_below), times)
+    lincov_time, has_lincov_converged = _first_times_below(np.array(expected_below), times)
     return ConvergenceTimes(
         times=run_times - first,
-        done=done,
-        expected=float(expected_time[0] - first),
-        expected_done=bool(expected_done[0]),
+        has_converged=has_converged,
+        lincov_time=float(lincov_time[0] - first),
+        has_lincov_converged=bool(has_lincov_converged[0]),
         n_event=len(events),
         length=last - first,
     )
@@ -113,7 +118,9 @@ def _first_times_below(is_below: NDArray[np.bool_], times: Floats) -> tuple[Floa
     return np.asarray(first), np.asarray(n_last > 0)
 
 
-def _limits(tables: Tables, case: str, quantity: str, events: pd.DataFrame, below: str, other: str) -> list[float]:
+def _limits(
+    tables: Tables, case: str, quantity: str, events: pd.DataFrame, limit_text: str, reference_case: str
+) -> list[float]:
     """Return the limit of the error at each event, SI.
 
     Parameters
@@ -126,17 +133,17 @@ def _limits(tables: Tables, case: str, quantity: str, events: pd.DataFrame, belo
         Navigation error, such as position.
     events : pandas.DataFrame
         Events, with the column t_s.
-    below : str
-        Limit with its unit, or a multiple of the sigma or RMS of another case.
-    other : str
-        Digest of this other case; empty for a limit with a unit.
+    limit_text : str
+        Limit with its unit, or a multiple of the sigma or RMS of `reference_case`.
+    reference_case : str
+        Digest of the case whose sigma or RMS gives the limit; empty for a limit with a unit.
     """
-    multiple = multiple_in(below)
+    multiple = parse_multiple(limit_text)
     if multiple is None:
         unit = str(pick(tables.outputs, case=case, quantity=quantity).unit.iloc[0])
-        return [units.parse(below, unit)] * len(events)
+        return [units.parse(limit_text, unit)] * len(events)
     number, word = multiple
-    history = history_of(tables, other, quantity, "3d")
+    history = history_of(tables, reference_case, quantity, "3d")
     limits = []
     for t in events.t_s:
         row = at_time(history, t)
@@ -148,7 +155,9 @@ def _rms(row: Any) -> float:
     return math.hypot(row.lincov_true_si, row.lincov_mean_si)
 
 
-def convergence(tables: Tables, case: str, statement: Mapping[str, Any], other: str = "") -> ConvergenceTimes | None:
+def convergence(
+    tables: Tables, case: str, statement: Mapping[str, Any], reference_case: str = ""
+) -> ConvergenceTimes | None:
     """Return the convergence times of a statement.
 
     Parameters
@@ -159,9 +168,9 @@ def convergence(tables: Tables, case: str, statement: Mapping[str, Any], other: 
         Digest of the case.
     statement : mapping
         Statement: metric (such as position_convergence_time), `during`, `below`.
-    other : str
+    reference_case : str
         Digest of the case whose sigma or RMS gives the limit; empty for a limit with a unit.
     """
     quantity = str(statement["metric"]).removesuffix("_convergence_time")
-    during = phase(tables, case, str(statement["during"]))
-    return converged(tables, case, quantity, during, str(statement["below"]), other)
+    phase_times = phase(tables, case, str(statement["during"]))
+    return convergence_times(tables, case, quantity, phase_times, str(statement["below"]), reference_case)

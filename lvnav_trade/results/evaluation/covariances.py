@@ -11,10 +11,10 @@ from lvnav_trade.results.statistics.probability import ratio_interval
 from lvnav_trade.results.statistics.select import (
     NAVIGATION,
     SAME_TIME,
+    cache_result,
     flight_events,
     history_columns,
     names_of_series,
-    once,
     pick,
 )
 from lvnav_trade.results.tables.read import Tables
@@ -45,14 +45,14 @@ OBSERVED = [
 ]  # fmt: skip
 
 
-def beyond_linear(attitude: float, when: str = "") -> str:
-    """Return the message on an attitude sigma (rad) that is not a small angle; `when` begins with a space."""
+def large_attitude_message(attitude: float, time_text: str = "") -> str:
+    """Return the message on an attitude sigma (rad) that is not a small angle; `time_text` begins with a space."""
     size = math.degrees(attitude)
     limit = math.degrees(LINEAR_ATTITUDE)
-    return f"an attitude error of {size:.2g} deg (one sigma){when} is beyond the linear form ({limit:.0f} deg)"
+    return f"an attitude error of {size:.2g} deg (one sigma){time_text} is beyond the linear form ({limit:.0f} deg)"
 
 
-def beyond_at_start(tables: Tables, case: str) -> str:
+def initial_tilt_message(tables: Tables, case: str) -> str:
     """Return the message if the attitude error of a case at or before lift-off is not a small angle, else empty."""
     largest, t = _first_tilts(tables).get(case, (0.0, 0.0))
     return _tilt_message(largest, t) if largest > LINEAR_ATTITUDE else ""
@@ -60,10 +60,10 @@ def beyond_at_start(tables: Tables, case: str) -> str:
 
 def _tilt_message(attitude: float, t: float) -> str:
     """Return the message on an attitude sigma (rad) at a time (s) that is not a small angle."""
-    return beyond_linear(attitude, f" at {t:.0f} s")
+    return large_attitude_message(attitude, f" at {t:.0f} s")
 
 
-@once
+@cache_result
 def _first_tilts(tables: Tables) -> dict[str, tuple[float, float]]:
     """Return by case the largest attitude sigma (rad) of any axis at or before lift-off, and its time (s)."""
     rows = tables.history[tables.history.t_s <= SAME_TIME]
@@ -78,7 +78,7 @@ def why_not_applicable(tables: Tables, case: str) -> str:
     return reason
 
 
-@once
+@cache_result
 def _cached_reason(tables: Tables, case: str) -> list[str]:
     first_tilt = (0.0, 0.0)
     # With a spot check, its runs decide whether the attitude error is too large.
@@ -94,7 +94,7 @@ def _cached_reason(tables: Tables, case: str) -> list[str]:
     return [reason]
 
 
-def why_outside(has_logic: bool, first_tilt: tuple[float, float], t: Floats, rejected: Floats) -> str:
+def why_outside(has_logic: bool, first_tilt: tuple[float, float], t: Floats, rejection_probability: Floats) -> str:
     """Return the reason why linear covariance does not describe a case at every epoch; empty if it does.
 
     Parameters
@@ -105,17 +105,17 @@ def why_outside(has_logic: bool, first_tilt: tuple[float, float], t: Floats, rej
         Largest attitude sigma (rad) of any axis at or before lift-off, and its time (s).
     t : (n_epoch,) array
         Times of the epochs, s since lift-off.
-    rejected : (n_epoch,) array
+    rejection_probability : (n_epoch,) array
         Largest probability at each epoch that the gate rejects a good scalar measurement.
     """
     if has_logic:
         return "the filter starts, leaves out and stops by a logic of its own, run by run"
     if first_tilt[0] > LINEAR_ATTITUDE:
         return _tilt_message(*first_tilt)
-    largest = np.nanmax(rejected, initial=0.0)
+    largest = np.nanmax(rejection_probability, initial=0.0)
     if not largest > REJECTS_TOO_MUCH:
         return ""
-    t_largest = t[np.nanargmax(rejected)]
+    t_largest = t[np.nanargmax(rejection_probability)]
     return f"the gate rejects {100 * largest:.2g} % of good rows at {t_largest:.0f} s"
 
 
@@ -151,7 +151,7 @@ def why_large_mean(tables: Tables, case: str) -> str:
     )
 
 
-@once
+@cache_result
 def agreement(tables: Tables) -> pd.DataFrame:
     """Return the ratio of Monte Carlo RMS to LinCov RMS at every event for the nine navigation errors.
 
@@ -176,23 +176,23 @@ def agreement(tables: Tables) -> pd.DataFrame:
 
 def _rms_ratios(tables: Tables, case: str, quantity: str, axis: str) -> list[dict[str, Any]]:
     """Return `AGREEMENT` up to the ratio, and the degrees of freedom of the runs, of an error at every event."""
-    unit, factor = tables.people[quantity, axis]
+    unit, factor = tables.display_units[quantity, axis]
     names = ("t_s", "rms_si", "lincov_true_si", "lincov_mean_si", "run_count", "dof_ratio")
     t, rms, true, mean, runs, dof = history_columns(tables, case, quantity, axis, *names)
     events = flight_events(tables, case)
     nearest = np.argmin(np.abs(t - events.t_s.to_numpy(dtype=float)[:, None]), axis=1)
     rows = []
     for event, t_event, k in zip(events.event, events.t_s, nearest, strict=True):
-        expected = float(np.hypot(true[k], mean[k]))
-        if expected > 0 and abs(t[k] - t_event) < SAME_TIME:
+        expected_rms = float(np.hypot(true[k], mean[k]))
+        if expected_rms > 0 and abs(t[k] - t_event) < SAME_TIME:
             row = {
                 "case": tables.labels[case],
                 "event": event,
                 "state": f"{quantity} {axis}",
                 "unit": unit,
                 "monte_carlo": rms[k] * factor,
-                "lincov": expected * factor,
-                "ratio": rms[k] / expected,
+                "lincov": expected_rms * factor,
+                "ratio": rms[k] / expected_rms,
                 "freedom": runs[k] * dof[k],
             }
             rows.append(row)
@@ -214,7 +214,7 @@ def _test_ratios(frame: pd.DataFrame) -> pd.DataFrame:
     return frame.assign(low=low, high=high, agree=verdict)[AGREEMENT]
 
 
-@once
+@cache_result
 def by_case(tables: Tables) -> pd.DataFrame:
     """Return one verdict per case, with the row of `agreement` that is furthest from agreement.
 
@@ -280,13 +280,14 @@ def budget(tables: Tables) -> pd.DataFrame:
     )
     frame = frame[["case", "event", "source", "metric", "unit", "sigma", "share_ratio"]]
     group = frame.groupby(["case", "event", "metric"], sort=False).ngroup()
-    ordered = frame.assign(group=group).sort_values(["group", "share_ratio"], ascending=[True, False], kind="stable")
-    return ordered.drop(columns="group").reset_index(drop=True)
+    grouped_frame = frame.assign(group=group)
+    sorted_frame = grouped_frame.sort_values(["group", "share_ratio"], ascending=[True, False], kind="stable")
+    return sorted_frame.drop(columns="group").reset_index(drop=True)
 
 
 def _label_rows(tables: Tables, rows: pd.DataFrame, *columns: str) -> pd.DataFrame:
     """Return case and columns of rows, with the name of the metric (a 3-D error) and its display unit."""
-    units = {quantity: unit for (quantity, axis), (unit, _) in tables.people.items() if axis == "3d"}
+    units = {quantity: unit for (quantity, axis), (unit, _) in tables.display_units.items() if axis == "3d"}
     return rows[["case", *columns]].assign(
         case=rows.case.map(tables.labels),
         metric=rows.quantity + "_error",
@@ -296,7 +297,7 @@ def _label_rows(tables: Tables, rows: pd.DataFrame, *columns: str) -> pd.DataFra
 
 def _factors(tables: Tables, rows: pd.DataFrame) -> pd.Series:
     """Return the factor from SI to the display unit of the 3-D error of each row."""
-    factors = {quantity: factor for (quantity, axis), (_, factor) in tables.people.items() if axis == "3d"}
+    factors = {quantity: factor for (quantity, axis), (_, factor) in tables.display_units.items() if axis == "3d"}
     return rows.quantity.map(factors).astype(float)
 
 

@@ -38,7 +38,7 @@ class CoverageProbability(NamedTuple):
     runs: Floats  # (n_run,) one if all axes of the run are within, else zero; empty without runs
 
 
-def covered(tables: Tables, case: str, event: str, quantity: str) -> CoverageProbability:
+def coverage_probability(tables: Tables, case: str, event: str, quantity: str) -> CoverageProbability:
     """Return the coverage of a quantity at an event by formal covariance, by linear covariance and by the runs.
 
     The first two use the formal sigmas of the nominal flight, the last the RMS over the runs of their formal sigmas.
@@ -61,11 +61,11 @@ def covered(tables: Tables, case: str, event: str, quantity: str) -> CoveragePro
         limits = SIGMAS * np.sqrt(np.diagonal(covariance))
         formal = box_probability(np.zeros(3), covariance, limits)
         true = box_probability(law.mean, law.covariance, limits)
-    all_within = _within_sigmas(tables, case, event, quantity).all(axis=1)
-    return CoverageProbability(formal, true, all_within.astype(float))
+    is_all_within = _within_sigmas(tables, case, event, quantity).all(axis=1)
+    return CoverageProbability(formal, true, is_all_within.astype(float))
 
 
-def below(tables: Tables, case: str, event: str, quantity: str, limit: str) -> CoverageProbability:
+def probability_below_limit(tables: Tables, case: str, event: str, quantity: str, limit: str) -> CoverageProbability:
     """Return the runs whose 3-D error at an event is below a limit; the numbers of linear covariance are NaN.
 
     Parameters
@@ -148,18 +148,18 @@ def _within_sigmas(tables: Tables, case: str, event: str, quantity: str) -> Bool
 
 def _coverage_values(tables: Tables, case: str, event: str, quantity: str) -> dict[str, Any]:
     """Return the values of `COLUMNS` from the time on; empty if the results do not have the errors."""
-    within = _within_sigmas(tables, case, event, quantity)
-    if not len(within):
+    is_within = _within_sigmas(tables, case, event, quantity)
+    if not len(is_within):
         return {}
-    n = len(within)
-    all_within = within.all(axis=1)
-    low, high = success_bounds(n, int(n - all_within.sum()), 1.0 - _TAIL)
+    n = len(is_within)
+    is_all_within = is_within.all(axis=1)
+    low, high = success_bounds(n, int(n - is_all_within.sum()), 1.0 - _TAIL)
     return {
         "t_s": float(pick(tables.runs, case=case, event=event).t_s.iloc[0]),
         "quantity": quantity,
         "run_count": n,
-        "inside_ratio": float(within.mean()),
-        "all_inside_ratio": float(all_within.mean()),
+        "inside_ratio": float(is_within.mean()),
+        "all_inside_ratio": float(is_all_within.mean()),
         "low_ratio": low,
         "high_ratio": high,
         "honest": bool(high >= GAUSSIAN**3),

@@ -13,10 +13,16 @@ from scipy import stats
 
 from lvnav_trade.quantities.records import Bools, Floats
 from lvnav_trade.quantities.units import parse
-from lvnav_trade.results.evaluation.designs import AXIS, designs, name_and_end, requirement_columns, slug, unit_of
+from lvnav_trade.results.evaluation.designs import AXIS, designs, requirement_columns, slug, split_suffix, unit_of
 from lvnav_trade.results.metric import NAVIGATION_UNITS
-from lvnav_trade.results.statistics.probability import basis, fitted, fitted_indices, predicted, success_bounds
-from lvnav_trade.results.statistics.select import once
+from lvnav_trade.results.statistics.probability import (
+    basis,
+    fit_polynomials,
+    fitted_indices,
+    predicted_variance_share,
+    success_bounds,
+)
+from lvnav_trade.results.statistics.select import cache_result
 from lvnav_trade.results.tables.dictionary import unit_at_end, unit_suffix
 from lvnav_trade.results.tables.read import Tables
 
@@ -75,7 +81,7 @@ def _verdict_columns(tables: Tables) -> dict[str, str]:
     return columns
 
 
-@once
+@cache_result
 def effects(tables: Tables) -> pd.DataFrame:
     """Return the dependence of the error of each requirement on each axis over all designs.
 
@@ -86,9 +92,9 @@ def effects(tables: Tables) -> pd.DataFrame:
     drawn designs; NaN for a grid, which is not a sample.
     first_order: share of the variance of the error's logarithm that the axis explains alone, by the means over bins of
     the axis with equal numbers of designs, without the share expected by chance.
-    sobol_first, sobol_total: Sobol's indices of the squared error by a fit of polynomials to its logarithm (`fitted`);
-    NaN unless the designs are a sample over numeric axes only. predicted: share of the variance of left-out designs
-    that the fit predicts.
+    sobol_first, sobol_total: Sobol's indices of the squared error by a fit of polynomials to its logarithm
+    (`fit_polynomials`); NaN unless the designs are a sample over numeric axes only. predicted: share of the variance of
+    left-out designs that the fit predicts.
     """
     rows: list[dict[str, Any]] = []
     if tables.has_designs:
@@ -148,10 +154,10 @@ def _sobol_indices(frame: pd.DataFrame, error: Floats) -> dict[str, tuple[float,
     order = np.argsort(levels, axis=0, kind="stable")
     ranks = np.argsort(order, axis=0, kind="stable")
     u = 2.0 * (ranks + 0.5) / count - 1.0
-    square = error[is_usable] ** 2
-    coefficients = fitted(u, square)
+    error_squares = error[is_usable] ** 2
+    coefficients = fit_polynomials(u, error_squares)
     first, total = fitted_indices(coefficients[None], len(axes))[:, 0]
-    predicted_share = predicted(u, square)
+    predicted_share = predicted_variance_share(u, error_squares)
     indices = {}
     for k, axis in enumerate(axes):
         indices[axis] = (float(first[k]), float(total[k]), predicted_share)
@@ -231,15 +237,15 @@ def _first_order(bins: Any, value: Floats, is_sampled: bool) -> float:
     count = np.bincount(bins, minlength=k)
     bin_sum = np.bincount(bins, weights=value, minlength=k)
     mean = bin_sum / np.maximum(count, 1)
-    between = float(np.sum(count * (mean - overall_mean) ** 2))
-    within = 0.0
+    between_squares = float(np.sum(count * (mean - overall_mean) ** 2))
+    within_mean_square = 0.0
     if is_sampled:
-        within = (total - between) / (n - k)
-    share = (between - (k - 1) * within) / (total + within)
+        within_mean_square = (total - between_squares) / (n - k)
+    share = (between_squares - (k - 1) * within_mean_square) / (total + within_mean_square)
     return float(np.clip(share, 0.0, 1.0))
 
 
-@once
+@cache_result
 def regions(tables: Tables) -> pd.DataFrame:
     """Return the fraction of designs that meet each requirement, and all of them, in each part of each axis.
 
@@ -305,7 +311,7 @@ def interval(good: int, count: int) -> tuple[float, float]:
     return float(low), float(high)
 
 
-def counts_of(tables: Tables, frame: pd.DataFrame) -> dict[str, int]:
+def met_counts(tables: Tables, frame: pd.DataFrame) -> dict[str, int]:
     """Return how many of some designs meet each requirement, by its name."""
     counts = {}
     for name, column in _verdict_columns(tables).items():
@@ -327,23 +333,23 @@ _OTHERS = {"_sigma": "sigma", "_percent": "%"}  # units by the ends of columns t
 
 def axis_label(column: str) -> str:
     """Return the name of an axis for people: without ``axis_`` and its unit, in words."""
-    return name_and_end(column.removeprefix(AXIS))[0].replace("_", " ")
+    return split_suffix(column.removeprefix(AXIS))[0].replace("_", " ")
 
 
 def range_text(tables: Tables, column: str, low: float, high: float) -> str:
     """Return the ends of a range of a column as text, in its display unit with three digits; once if they are equal."""
-    unit, factor = people_of(tables, column)
-    first, last = (f"{_rounded(end * factor):g}" for end in (low, high))
+    unit, factor = display_unit(tables, column)
+    first, last = (f"{_round_number(end * factor):g}" for end in (low, high))
     text = first if first == last else f"{first} to {last}"
     return f"{text} {unit}".rstrip()
 
 
-def _rounded(number: float) -> float:
+def _round_number(number: float) -> float:
     """Return a number rounded to three digits."""
     return float(f"{number:.2e}")
 
 
-def people_of(tables: Tables, column: str) -> tuple[str, float]:
+def display_unit(tables: Tables, column: str) -> tuple[str, float]:
     """Return the display unit of a column of designs, and its factor from SI.
 
     The unit of an axis is that of the campaign, and that of an attitude error is mrad. All other columns are in SI.
@@ -364,11 +370,11 @@ def people_of(tables: Tables, column: str) -> tuple[str, float]:
         return shown_unit or si, 1.0
     if si in _PEOPLE:
         return _PEOPLE[si]
-    _, end = name_and_end(column)
+    _, end = split_suffix(column)
     return si or _OTHERS.get(end, ""), 1.0
 
 
-@once
+@cache_result
 def _campaign_units(tables: Tables) -> dict[str, str]:
     """Return the unit in which the campaign states each axis of numbers, by column."""
     if tables.has_designs:

@@ -13,16 +13,16 @@ from lvnav_trade.results.evaluation.resources import resource_totals
 from lvnav_trade.results.metric import NAVIGATION_UNITS
 from lvnav_trade.results.registry import metric_of
 from lvnav_trade.results.requirements import confirmation
-from lvnav_trade.results.requirements.improvements import expected
+from lvnav_trade.results.requirements.improvements import lincov_verdicts
 from lvnav_trade.results.requirements.limit_crossings import si_axes
-from lvnav_trade.results.requirements.margins import worst
+from lvnav_trade.results.requirements.margins import severest_verdict
 from lvnav_trade.results.statistics.select import (
     NAVIGATION,
     at_time,
+    cache_result,
     final_event,
     flight_events,
     history_columns,
-    once,
     pick,
 )
 from lvnav_trade.results.tables.dictionary import SUFFIXES, unit_at_end, unit_suffix
@@ -84,27 +84,29 @@ def _stored_designs(tables: Tables) -> pd.DataFrame:
     All numbers and verdicts are by linear covariance, also those of designs that are simulated: results of their runs
     are in the other tables.
     """
-    stored = tables.designs
-    number_columns = [str(name) for name in stored.select_dtypes("number") if name != "design_number"]
+    design_rows = tables.designs
+    number_columns = [str(name) for name in design_rows.select_dtypes("number") if name != "design_number"]
     numeric_axes = set()
     for column in number_columns:
         if column.startswith(AXIS):
             name, _ = unit_at_end(column.removeprefix(AXIS))
             numeric_axes.add(name)
-    frame = stored[["design_number", "case", "label"]].copy()
-    levels = pd.DataFrame([json.loads(text) for text in stored["axes"]])
+    frame = design_rows[["design_number", "case", "label"]].copy()
+    levels = pd.DataFrame([json.loads(text) for text in design_rows["axes"]])
     for name in levels:
         axis = slug(str(name))
         if axis not in numeric_axes:
             frame[f"{AXIS}{axis}"] = levels[name].to_numpy()
-    frame = pd.concat([frame, stored[number_columns]], axis=1)
-    requirement_verdicts = [json.loads(text or "{}") for text in stored.verdicts]
-    verdicts = pd.DataFrame(requirement_verdicts, index=stored.index)
+    frame = pd.concat([frame, design_rows[number_columns]], axis=1)
+    requirement_verdicts = [json.loads(text or "{}") for text in design_rows.verdicts]
+    verdicts = pd.DataFrame(requirement_verdicts, index=design_rows.index)
     for requirement in tables.campaign.get("requirements") or ():
         name = requirement["name"]
         _, _, column = requirement_columns(requirement)
         frame[column] = verdicts[name].fillna("") if name in verdicts else ""
-    return frame.assign(limiting_requirement=stored.limiting_requirement, verdict=stored.verdict, reason=stored.reason)
+    return frame.assign(
+        limiting_requirement=design_rows.limiting_requirement, verdict=design_rows.verdict, reason=design_rows.reason
+    )
 
 
 def slug(name: str) -> str:
@@ -122,11 +124,11 @@ def requirement_columns(requirement: Mapping[str, Any]) -> tuple[str, str, str]:
 
 def at_event(column: str, event: str) -> str:
     """Return the name of a column for another event: ``velocity_at_staging_m_per_s`` of ``velocity_m_per_s``."""
-    name, end = name_and_end(column)
+    name, end = split_suffix(column)
     return f"{name}_at_{slug(event)}{end}"
 
 
-def name_and_end(column: str) -> tuple[str, str]:
+def split_suffix(column: str) -> tuple[str, str]:
     """Return a column's name without the suffix of its unit, and this suffix with its underscore."""
     ends = [f"_{end}" for end in SUFFIXES if column.endswith(f"_{end}")]
     without_suffix = column.removesuffix(max(ends, key=len, default=""))
@@ -153,7 +155,7 @@ def meanings(frame: pd.DataFrame, requirements: Sequence[Mapping[str, Any]]) -> 
 
 def _derived_meaning(column: str, column_meanings: Mapping[str, str]) -> str:
     """Return the meaning of the column of an axis, or of another column at another event."""
-    name, end = name_and_end(column)
+    name, end = split_suffix(column)
     quantity, _, event = name.partition("_at_")
     if event and not column.startswith(AXIS) and f"{quantity}{end}" in column_meanings:
         return f"the same as {quantity}{end}, at the event {event}"
@@ -162,7 +164,7 @@ def _derived_meaning(column: str, column_meanings: Mapping[str, str]) -> str:
 
 def unit_of(column: str) -> str:
     """Return the unit at the end of a column's name, in words; empty for text, counts and plain numbers."""
-    _, end = name_and_end(column)
+    _, end = split_suffix(column)
     suffix = end.removeprefix("_")
     if suffix in ("count", "number"):
         return ""
@@ -185,7 +187,7 @@ def _axis_levels(tables: Tables) -> pd.DataFrame:
     return pd.DataFrame(columns)
 
 
-@once
+@cache_result
 def _navigation_errors(tables: Tables, case: str) -> dict[str, float]:
     """Return the errors of a case at injection (or its last event), by column."""
     event = final_event(tables, case)
@@ -216,7 +218,7 @@ def _requirement_results(tables: Tables) -> list[pd.DataFrame]:
         return []
     labels = list(tables.labels.values())
     all_verdicts = confirmation.verdicts(tables).set_index(["requirement", "case"])
-    all_expected = expected(tables).set_index(["requirement", "case"])
+    all_lincov_verdicts = lincov_verdicts(tables).set_index(["requirement", "case"])
     columns: dict[str, Any] = {}
     ratios: dict[str, Any] = {}
     verdicts: dict[str, Any] = {}
@@ -227,16 +229,16 @@ def _requirement_results(tables: Tables) -> list[pd.DataFrame]:
         si = metric_of(str(requirement["metric"])).unit
         si_factors = [_si_factor(unit, si) for unit in rows.unit]
         columns[error] = rows.estimate.to_numpy(dtype=float) * si_factors
-        expected_rows = all_expected.loc[name].reindex(labels)
+        expected_rows = all_lincov_verdicts.loc[name].reindex(labels)
         columns[probability] = expected_rows.expected_probability.to_numpy(dtype=float)
         columns[verdict] = rows.verdict.to_numpy()
         verdicts[name] = rows.verdict.to_numpy()
         ratios[name] = (rows.estimate / rows.limit).to_numpy(dtype=float)
-    combined = together(pd.DataFrame(ratios), pd.DataFrame(verdicts))
-    return [pd.DataFrame(columns), combined]
+    overall_columns = overall_verdicts(pd.DataFrame(ratios), pd.DataFrame(verdicts))
+    return [pd.DataFrame(columns), overall_columns]
 
 
-def together(ratios: pd.DataFrame, verdicts: pd.DataFrame) -> pd.DataFrame:
+def overall_verdicts(ratios: pd.DataFrame, verdicts: pd.DataFrame) -> pd.DataFrame:
     """Return `error_ratio`, `limiting_requirement` and `verdict` of designs.
 
     Parameters
@@ -247,12 +249,12 @@ def together(ratios: pd.DataFrame, verdicts: pd.DataFrame) -> pd.DataFrame:
         Verdicts, with the same rows and columns.
     """
     is_complete = ratios.notna().all(axis=1)
-    comparable = ratios.fillna(-np.inf)  # idxmax refuses a row without numbers
+    filled_ratios = ratios.fillna(-np.inf)  # idxmax refuses a row without numbers
     return pd.DataFrame(
         {
-            "error_ratio": comparable.max(axis=1).where(is_complete),
-            "limiting_requirement": comparable.idxmax(axis=1).where(is_complete, ""),
-            "verdict": [worst(pd.Series(row)) for row in verdicts.itertuples(index=False)],
+            "error_ratio": filled_ratios.max(axis=1).where(is_complete),
+            "limiting_requirement": filled_ratios.idxmax(axis=1).where(is_complete, ""),
+            "verdict": [severest_verdict(pd.Series(row)) for row in verdicts.itertuples(index=False)],
         }
     )
 

@@ -68,17 +68,17 @@ def nis(tables: Tables) -> pd.DataFrame:
     mean, variance = accepted_moments(gate)
     low, high = mean_square_interval(rows.measurement_count * 2.0 * mean**2 / variance, ALPHA)
     raw = rows.nis_sum_ratio / rows.measurement_count.where(rows.measurement_count > 0)
-    expected = rows.expected_nis_ratio / rows.lincov_measurement_count.where(rows.lincov_measurement_count > 0)
-    expected_mean, _ = accepted_moments(gate / np.sqrt(expected))  # of the innovations that pass the same gate
-    offered = rows.measurement_count + rows.rejected_count
+    expected_nis = rows.expected_nis_ratio / rows.lincov_measurement_count.where(rows.lincov_measurement_count > 0)
+    expected_mean, _ = accepted_moments(gate / np.sqrt(expected_nis))  # of the innovations that pass the same gate
+    total_count = rows.measurement_count + rows.rejected_count
     return rows[["case", "t_s", "measurement_count", "rejected_count"]].assign(
         case=rows.case.map(tables.labels),
         raw_ratio=raw,
         anis_ratio=raw / mean,
         low_ratio=low,
         high_ratio=high,
-        expected_ratio=expected * expected_mean / mean,
-        rejected_ratio=rows.rejected_count / offered.where(offered > 0),
+        expected_ratio=expected_nis * expected_mean / mean,
+        rejected_ratio=rows.rejected_count / total_count.where(total_count > 0),
         false_rejection_ratio=rows.false_rejection_ratio,
         inside=(raw / mean).between(low, high),
     )
@@ -170,7 +170,7 @@ def _nees_over_time(tables: Tables, case: str, rows: pd.DataFrame) -> pd.DataFra
 
 def _navigation_nees(tables: Tables, case: str, has_runs: bool) -> pd.DataFrame:
     """Return t_s, value, low and high from the mean over the nine navigation errors of mean square over variance."""
-    errors = [(quantity, axis) for quantity, axis in tables.people if quantity in NAVIGATION and axis != "3d"]
+    errors = [(quantity, axis) for quantity, axis in tables.display_units if quantity in NAVIGATION and axis != "3d"]
     histories = [history_of(tables, case, quantity, axis) for quantity, axis in errors]
     ratios = []
     for history in histories:
@@ -233,10 +233,10 @@ def _filter_verdict(tables: Tables, case: str, rows: pd.DataFrame) -> dict[str, 
 def _required_event_nees(tables: Tables, case: str, rows: pd.DataFrame) -> list[tuple[str, float]]:
     """Return the events of requirements in order of time, with NEES per degree of freedom."""
     requirements = tables.campaign.get("requirements") or ()
-    required = {str(requirement["at"]) for requirement in requirements if requirement.get("at")}
+    required_events = {str(requirement["at"]) for requirement in requirements if requirement.get("at")}
     event_nees = []
     for event in flight_events(tables, case).itertuples():
-        if event.event in required:
+        if event.event in required_events:
             nees = float(at_time(rows, event.t_s).value)
             event_nees.append((event.event, nees))
     return event_nees
@@ -283,10 +283,10 @@ def whiteness(tables: Tables) -> pd.DataFrame:
         rows.append(row)
     frame = pd.DataFrame(rows, columns=_WHITENESS)
     if len(frame):
-        adjusted = frame.groupby("case", sort=False).p_ratio.transform(holm)
+        adjusted_p = frame.groupby("case", sort=False).p_ratio.transform(holm)
     else:
-        adjusted = frame.p_ratio
-    return frame.assign(p_holm_ratio=adjusted, white=adjusted >= WHITE_ALPHA)
+        adjusted_p = frame.p_ratio
+    return frame.assign(p_holm_ratio=adjusted_p, white=adjusted_p >= WHITE_ALPHA)
 
 
 def mode_transitions(tables: Tables) -> pd.DataFrame:
@@ -322,12 +322,12 @@ def modes(tables: Tables) -> pd.DataFrame:
         for mode in MODES:
             entry_times = np.sort(changes.t_s[changes.to_mode == mode])
             exit_times = np.sort(changes.t_s[changes.from_mode == mode])
-            entered = np.searchsorted(entry_times, t, side="right")
-            exited = np.searchsorted(exit_times, t, side="right")
+            entry_count = np.searchsorted(entry_times, t, side="right")
+            exit_count = np.searchsorted(exit_times, t, side="right")
             initial = case.run_count if mode == MODES[0] else 0  # all runs begin in the first mode
-            in_mode = (entered - exited + initial) / max(1, case.run_count)
+            mode_ratio = (entry_count - exit_count + initial) / max(1, case.run_count)
             frames.append(
-                pd.DataFrame({"case": tables.labels[case.case], "t_s": t, "filter_mode": mode, "run_ratio": in_mode})
+                pd.DataFrame({"case": tables.labels[case.case], "t_s": t, "filter_mode": mode, "run_ratio": mode_ratio})
             )
     if not frames:
         return pd.DataFrame(columns=["case", "t_s", "filter_mode", "run_ratio"])

@@ -73,7 +73,7 @@ def exclusions(tables: Tables) -> pd.DataFrame:
         count = exclusion.run_number.nunique()
         low, high = success_bounds(runs, runs - count, 0.975)
         t = float(exclusion.t_s.median())
-        follows_fault = len(fault_rows) and t >= fault_rows.t_s.iloc[0]
+        is_after_fault = len(fault_rows) and t >= fault_rows.t_s.iloc[0]
         row = {
             "case": tables.labels[str(case)],
             "unit": unit,
@@ -84,7 +84,7 @@ def exclusions(tables: Tables) -> pd.DataFrame:
             "low_ratio": low,
             "high_ratio": high,
             "t_s": t,
-            "after_s": t - float(fault_rows.t_s.iloc[0]) if follows_fault else np.nan,
+            "after_s": t - float(fault_rows.t_s.iloc[0]) if is_after_fault else np.nan,
         }
         rows.append(row)
     return pd.DataFrame(rows, columns=EXCLUDED)

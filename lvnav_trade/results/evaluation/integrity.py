@@ -7,9 +7,17 @@ import numpy as np
 import pandas as pd
 
 from lvnav_trade.quantities.records import Floats
-from lvnav_trade.results.evaluation.convergence import converged
+from lvnav_trade.results.evaluation.convergence import convergence_times
 from lvnav_trade.results.statistics.probability import success_bounds
-from lvnav_trade.results.statistics.select import SAME_TIME, at_time, final_event, flight_events, history_of, once, pick
+from lvnav_trade.results.statistics.select import (
+    SAME_TIME,
+    at_time,
+    cache_result,
+    final_event,
+    flight_events,
+    history_of,
+    pick,
+)
 from lvnav_trade.results.tables.read import Tables
 
 CONFIDENCE = 0.975  # of each one-sided bound; both together 95 %
@@ -34,7 +42,7 @@ _COLUMNS = [
 ]
 
 
-def expected(fault: str) -> str:
+def expected_element(fault: str) -> str:
     """Return the element that a filter should isolate for a fault (named as in `events`): channel, clock or inertial.
 
     It is empty if no test of ranges can detect the fault.
@@ -63,7 +71,7 @@ def applied_faults(tables: Tables, case: str) -> AppliedFaults:
         return AppliedFaults("", np.inf, frozenset(), frozenset())
     names = ", ".join(faults.event)
     start = float(faults.t_s.iloc[0])
-    kinds = frozenset(filter(None, map(expected, faults.event)))
+    kinds = frozenset(filter(None, map(expected_element, faults.event)))
     satellite_names = " ".join(faults.satellites.fillna(""))
     satellites = frozenset(satellite_names.split())
     return AppliedFaults(names, start, kinds, satellites)
@@ -91,8 +99,8 @@ def _outcome(rows: pd.DataFrame, faults: AppliedFaults) -> str:
     channels = rows.channel[rows.isolated_element != "unit"].dropna()
     satellites = {name.split()[0] for name in channels if name}
     satellites_are_known = "channel" not in faults.kinds or bool(faults.satellites)
-    excludes_healthy = satellites_are_known and bool(satellites - faults.satellites)
-    if kinds - faults.kinds or excludes_healthy:
+    has_excluded_healthy = satellites_are_known and bool(satellites - faults.satellites)
+    if kinds - faults.kinds or has_excluded_healthy:
         return WRONG
     if kinds == faults.kinds and faults.satellites <= satellites:
         return ISOLATED
@@ -116,7 +124,7 @@ def share(count: int, runs: int) -> tuple[float, float, float]:
     return count / runs, low, high
 
 
-def rate(tables: Tables, case: str, metric: str, during: tuple[float, float]) -> tuple[Floats, float]:
+def rate(tables: Tables, case: str, metric: str, phase_times: tuple[float, float]) -> tuple[Floats, float]:
     """Return the runs with the outcome that a rate counts, from the decisions between two times (s).
 
     Parameters
@@ -127,7 +135,7 @@ def rate(tables: Tables, case: str, metric: str, during: tuple[float, float]) ->
         Digest of the case.
     metric : str
         false_alarm_rate or detection_rate (any decision), isolation_rate, wrong_isolation_rate.
-    during : (float, float)
+    phase_times : (float, float)
         First and last time (s).
 
     Returns
@@ -136,17 +144,17 @@ def rate(tables: Tables, case: str, metric: str, during: tuple[float, float]) ->
         1 for each run with the outcome, else 0; the same for linear covariance, which decides on the mean.
     """
     faults = applied_faults(tables, case)
-    first = during[0] - SAME_TIME
-    last = during[1] + SAME_TIME
+    first = phase_times[0] - SAME_TIME
+    last = phase_times[1] + SAME_TIME
     rows = pick(tables.integrity, case=case)
     rows = rows[rows.t_s.between(first, last)]
-    counted = _counted_runs(rows, faults, metric)
+    counted_runs = _counted_runs(rows, faults, metric)
     nominal_rows = pick(tables.nominal_integrity, case=case)
     nominal_rows = nominal_rows[nominal_rows.t_s.between(first, last)]
-    nominal_counted = _counted_runs(nominal_rows, faults, metric)
+    nominal_runs = _counted_runs(nominal_rows, faults, metric)
     runs = np.sort(pick(tables.runs, case=case).run_number.unique())
-    has_outcome = np.isin(runs, list(counted))
-    return has_outcome.astype(float), float(len(nominal_counted) > 0)
+    has_outcome = np.isin(runs, list(counted_runs))
+    return has_outcome.astype(float), float(len(nominal_runs) > 0)
 
 
 def _counted_runs(rows: pd.DataFrame, faults: AppliedFaults, metric: str) -> pd.Index:
@@ -167,7 +175,7 @@ def _counted_runs(rows: pd.DataFrame, faults: AppliedFaults, metric: str) -> pd.
     return outcome.index[outcome == (ISOLATED if metric == "isolation_rate" else WRONG)]
 
 
-@once
+@cache_result
 def integrity(tables: Tables) -> pd.DataFrame:
     """Return the outcomes of the tests for faults as fractions of the runs, with exact 95 % intervals.
 
@@ -237,9 +245,9 @@ def _episodes(rows: pd.DataFrame, faults: AppliedFaults, interval: float) -> pd.
     interval : float
         Interval between epochs (s); the decisions within `EPISODE` epochs are returned.
     """
-    after = rows[rows.t_s >= faults.start - SAME_TIME]
-    since = after.t_s - after.groupby("run_number").t_s.transform("min")
-    return after[since < (EPISODE - 0.5) * interval]
+    fault_rows = rows[rows.t_s >= faults.start - SAME_TIME]
+    elapsed_time = fault_rows.t_s - fault_rows.groupby("run_number").t_s.transform("min")
+    return fault_rows[elapsed_time < (EPISODE - 0.5) * interval]
 
 
 def _fault_outcomes(tables: Tables, case: str, faults: AppliedFaults, runs: int) -> list[_OutcomeCount]:
@@ -272,21 +280,21 @@ def _recovered_runs(tables: Tables, case: str, faults: AppliedFaults) -> list[_O
     end = flight_events(tables, case).set_index("event").t_s.get(final_event(tables, case), -np.inf)
     if not faultless or end <= faults.start:
         return []
-    during = (faults.start, float(end))
+    phase_times = (faults.start, float(end))
     limit = f"{TIMES:g} rms"
-    position = converged(tables, case, "position", during, limit, faultless)
-    velocity = converged(tables, case, "velocity", during, limit, faultless)
+    position = convergence_times(tables, case, "position", phase_times, limit, faultless)
+    velocity = convergence_times(tables, case, "velocity", phase_times, limit, faultless)
     if position is None or velocity is None:
         return []
     times = np.maximum(position.times, velocity.times)
-    done = position.done & velocity.done
-    has_recovered = position.expected_done and velocity.expected_done
+    is_recovered = position.has_converged & velocity.has_converged
+    has_lincov_recovered = position.has_lincov_converged and velocity.has_lincov_converged
     return [
         _OutcomeCount(
             name="recovered",
-            runs=int(done.sum()),
-            median=float(np.median(times[done])) if done.any() else np.nan,
-            lincov=max(position.expected, velocity.expected) if has_recovered else np.nan,
+            runs=int(is_recovered.sum()),
+            median=float(np.median(times[is_recovered])) if is_recovered.any() else np.nan,
+            lincov=max(position.lincov_time, velocity.lincov_time) if has_lincov_recovered else np.nan,
         )
     ]
 
@@ -294,12 +302,12 @@ def _recovered_runs(tables: Tables, case: str, faults: AppliedFaults) -> list[_O
 def without_fault(tables: Tables, case: str) -> str:
     """Return the case that differs in one axis only and has no fault; empty if there is none."""
     for candidate in tables.levels:
-        if _differs_once(tables, case, candidate) and pick(tables.events, case=candidate, kind="fault").empty:
+        if _differs_in_one_axis(tables, case, candidate) and pick(tables.events, case=candidate, kind="fault").empty:
             return candidate
     return ""
 
 
-def _differs_once(tables: Tables, case: str, candidate: str) -> bool:
+def _differs_in_one_axis(tables: Tables, case: str, candidate: str) -> bool:
     """Whether two cases have different levels of one axis only."""
     levels = tables.levels[case]
     candidate_levels = tables.levels[candidate]
@@ -355,23 +363,23 @@ def fault_test_errors(tables: Tables) -> pd.DataFrame:
     rows = []
     has_tests = tables.cases.set_index("case").integrity.eq(True)
     for case, label in tables.labels.items():
-        untested = _untested_case(tables, case, has_tests) if has_tests[case] else ""
-        if not untested:
+        untested_case = _untested_case(tables, case, has_tests) if has_tests[case] else ""
+        if not untested_case:
             continue
         event = final_event(tables, case)
         for quantity in ("position", "velocity", "attitude"):
-            unit, factor = tables.people[quantity, "3d"]
-            without = _event_rms(tables, untested, event, quantity) * factor
-            with_tests = _event_rms(tables, case, event, quantity) * factor
+            unit, factor = tables.display_units[quantity, "3d"]
+            untested_rms = _event_rms(tables, untested_case, event, quantity) * factor
+            tested_rms = _event_rms(tables, case, event, quantity) * factor
             row = {
                 "case": label,
                 "fault": applied_faults(tables, case).names,
                 "event": event,
                 "metric": f"{quantity}_error",
                 "unit": unit,
-                "without": without,
-                "with_tests": with_tests,
-                "ratio": with_tests / without if without > 0.0 else np.nan,
+                "without": untested_rms,
+                "with_tests": tested_rms,
+                "ratio": tested_rms / untested_rms if untested_rms > 0.0 else np.nan,
             }
             rows.append(row)
     names = ["case", "fault", "event", "metric", "unit", "without", "with_tests", "ratio"]
@@ -382,7 +390,7 @@ def _untested_case(tables: Tables, case: str, has_tests: pd.Series) -> str:
     """Return the case without tests and with the same faults that differs in one axis only; empty if there is none."""
     faults = applied_faults(tables, case)
     for candidate in tables.levels:
-        if has_tests[candidate] or not _differs_once(tables, case, candidate):
+        if has_tests[candidate] or not _differs_in_one_axis(tables, case, candidate):
             continue
         candidate_faults = applied_faults(tables, candidate)
         if (candidate_faults.names, candidate_faults.start) == (faults.names, faults.start):

@@ -102,7 +102,7 @@ def _error_pairs(tables: Tables, case: str, quantity: str) -> list[_Pair]:
     return pairs
 
 
-def _compare_errors(tables: Tables, pair: _Pair, after: float, before: float) -> dict[str, Any]:
+def _compare_errors(tables: Tables, pair: _Pair, start: float, end: float) -> dict[str, Any]:
     """Return the values of `COLUMNS` from the metric on.
 
     Parameters
@@ -111,7 +111,7 @@ def _compare_errors(tables: Tables, pair: _Pair, after: float, before: float) ->
         Tables of the results.
     pair : _Pair
         Histories of the raw and of the estimated error of a quantity along an axis.
-    after, before : float
+    start, end : float
         Times (s) between which the errors are compared, both excluded.
 
     Returns
@@ -119,13 +119,13 @@ def _compare_errors(tables: Tables, pair: _Pair, after: float, before: float) ->
     dict of str to Any
         Values by column; empty without rows between the times.
     """
-    is_in_raw = (pair.raw.t_s > after) & (pair.raw.t_s < before)
+    is_in_raw = (pair.raw.t_s > start) & (pair.raw.t_s < end)
     raw_rows = pair.raw[is_in_raw]
-    is_in_estimate = (pair.estimate.t_s > after) & (pair.estimate.t_s < before)
+    is_in_estimate = (pair.estimate.t_s > start) & (pair.estimate.t_s < end)
     estimate_rows = pair.estimate[is_in_estimate]
     if raw_rows.empty or estimate_rows.empty:
         return {}
-    unit, factor = tables.people[f"raw_{pair.quantity}", pair.axis]
+    unit, factor = tables.display_units[f"raw_{pair.quantity}", pair.axis]
     raw = _root_mean_squares(raw_rows)
     estimate = _root_mean_squares(estimate_rows)
     runs = int(estimate_rows.run_count.min())

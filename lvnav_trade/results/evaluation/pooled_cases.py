@@ -16,28 +16,28 @@ def axes_of(statement: Mapping[str, Any]) -> tuple[str, ...]:
     return tuple(statement.get("pool") or ())
 
 
-def cases_of(tables: Tables, wanted: Mapping[str, str], pool: Sequence[str]) -> list[str]:
+def cases_of(tables: Tables, level_by_axis: Mapping[str, str], pool: Sequence[str]) -> list[str]:
     """Return the digests of the cases with the wanted levels, one case for each pool.
 
     Parameters
     ----------
     tables : Tables
         Tables of the results.
-    wanted : mapping of str to str
+    level_by_axis : mapping of str to str
         Label of the level by axis.
     pool : sequence of str
         Names of the pooled axes.
     """
     first: dict[tuple[tuple[str, str], ...], str] = {}
-    for case in select.cases_of(tables, wanted):
+    for case in select.cases_of(tables, level_by_axis):
         first.setdefault(_unpooled_levels(tables, case, pool), case)
     return list(first.values())
 
 
 def members(tables: Tables, case: str, pool: Sequence[str]) -> list[str]:
     """Return the cases of a pool: a case and all cases that differ from it only in the levels of the pooled axes."""
-    fixed = _unpooled_levels(tables, case, pool)
-    return [member for member in tables.levels if _unpooled_levels(tables, member, pool) == fixed]
+    unpooled_levels = _unpooled_levels(tables, case, pool)
+    return [member for member in tables.levels if _unpooled_levels(tables, member, pool) == unpooled_levels]
 
 
 def label_of(tables: Tables, case: str, pool: Sequence[str]) -> str:
@@ -46,8 +46,8 @@ def label_of(tables: Tables, case: str, pool: Sequence[str]) -> str:
     if count == 1:
         return tables.labels[case]
     unpooled_levels = _unpooled_levels(tables, case, pool)
-    fixed = ", ".join(f"{axis}={level}" for axis, level in unpooled_levels if level != "base")
-    return f"{fixed or 'base'}; {count} levels of {', '.join(pool)} together"
+    level_text = ", ".join(f"{axis}={level}" for axis, level in unpooled_levels if level != "base")
+    return f"{level_text or 'base'}; {count} levels of {', '.join(pool)} together"
 
 
 def evaluate_single(tables: Tables, case: str, statement: Mapping[str, Any], unit: str) -> SingleValue:
@@ -81,7 +81,7 @@ def evaluate_single(tables: Tables, case: str, statement: Mapping[str, Any], uni
     remark = _joined_remarks(pool)
     values = np.array([single.value for single in pool])
     runs = np.sort(np.concatenate([single.runs for single in pool]))
-    metric = single_case.metric_in(statement)
+    metric = single_case.statement_metric(statement)
     if statement.get("statistic") == "worst" and len(runs):
         value = np.median(runs)
     elif metric.is_mean(statement):
@@ -126,7 +126,7 @@ def evaluate(tables: Tables, case: str, statement: Mapping[str, Any], unit: str)
     formal, true, monte_carlo = (
         _pooled_number([getattr(value, name) for value in pool], first.is_root, statement) for name in NUMBERS
     )
-    pooled = MetricValue(
+    pooled_value = MetricValue(
         formal=formal,
         true=true,
         monte_carlo=monte_carlo,
@@ -136,14 +136,14 @@ def evaluate(tables: Tables, case: str, statement: Mapping[str, Any], unit: str)
     )
     n_run = min(len(value.runs) for value in pool)
     if not n_run:
-        return pooled
+        return pooled_value
     runs = np.stack([value.runs[:n_run] for value in pool])
     is_finite = np.all(np.isfinite(runs), axis=0)
     if is_finite.any():
         levels = runs[:, is_finite].mean(axis=1)
     else:
         levels = np.empty(0)
-    return pooled._replace(runs=runs.mean(axis=0), levels=levels)
+    return pooled_value._replace(runs=runs.mean(axis=0), levels=levels)
 
 
 def _joined_remarks(pool: Sequence[SingleValue] | Sequence[MetricValue]) -> str:
@@ -152,7 +152,7 @@ def _joined_remarks(pool: Sequence[SingleValue] | Sequence[MetricValue]) -> str:
 
 def _pooled_number(values: Sequence[float], is_root: bool, statement: Mapping[str, Any]) -> float:
     """Return the median, root mean square or mean over the cases of a pool, as the statistic requires."""
-    if single_case.metric_in(statement).average == MEDIAN or statement.get("statistic") in ("worst", "least"):
+    if single_case.statement_metric(statement).average == MEDIAN or statement.get("statistic") in ("worst", "least"):
         return float(np.median(values))
     if is_root:
         return float(np.sqrt(np.mean(np.square(values))))

@@ -35,7 +35,7 @@ COLUMNS = [
 ]
 
 
-def series_of(tables: Tables, case: str, quantity: str) -> pd.DataFrame:
+def protection_series(tables: Tables, case: str, quantity: str) -> pd.DataFrame:
     """Return the protection level of a quantity over time: the norm of the levels of its three axes.
 
     Parameters
@@ -95,10 +95,10 @@ def protection(tables: Tables) -> pd.DataFrame:
     rows: list[dict[str, Any]] = []
     for case, label in tables.labels.items():
         for quantity in PROTECTED:
-            levels = series_of(tables, case, quantity)
+            levels = protection_series(tables, case, quantity)
             if levels.empty:
                 continue
-            unit, factor = tables.people[quantity, "3d"]
+            unit, factor = tables.display_units[quantity, "3d"]
             last = at_time(levels, instant(tables, case, final_event(tables, case) or "end"))
             n_exceeding, n_error = level_exceedances(tables, case, quantity)
             low = high = np.nan

@@ -161,22 +161,22 @@ def marks(statement: Mapping[str, Any], kind: str) -> dict[str, str]:
 
     kind : number, order or statement
     """
-    by_column = {name: str(statement.get(name) or "") for name in MARKS}
-    set_marks = [name for name in MARKS if by_column[name]]
-    return {**by_column, "counts_as": set_marks[0] if set_marks else kind}
+    mark_by_column = {name: str(statement.get(name) or "") for name in MARKS}
+    set_marks = [name for name in MARKS if mark_by_column[name]]
+    return {**mark_by_column, "counts_as": set_marks[0] if set_marks else kind}
 
 
-def band_of(published: Mapping[str, Any]) -> tuple[float, float]:
+def band_of(reference: Mapping[str, Any]) -> tuple[float, float]:
     """Return the band of ours over a published number, wider by half of its last printed digit."""
-    low, high = published.get("band") or (0.5, 2.0)
-    last_digit = float(published.get("digit") or 0.0)
-    half = 0.5 * last_digit / abs(float(published["value"]))
+    low, high = reference.get("band") or (0.5, 2.0)
+    last_digit = float(reference.get("digit") or 0.0)
+    half = 0.5 * last_digit / abs(float(reference["value"]))
     return low - abs(low) * half, high + abs(high) * half
 
 
-def verdict_in_band(row: Mapping[str, Any], published: Mapping[str, Any]) -> dict[str, Any]:
+def verdict_in_band(row: Mapping[str, Any], reference: Mapping[str, Any]) -> dict[str, Any]:
     """Return band and verdict of a row of a published number, by its present band."""
-    low, high = band_of(published)
+    low, high = band_of(reference)
     value = ExpressionValue(
         formal=float(row["formal"]),
         true=float(row["true"]),
@@ -189,8 +189,8 @@ def verdict_in_band(row: Mapping[str, Any], published: Mapping[str, Any]) -> dic
     word = row["verdict"]
     if not np.isnan(row["ratio"]):
         published_value = float(row["published"])
-        least, most = sorted(published_value * end for end in (low, high))
-        word = verdict(value, least, most, (_tested_number(published, value),))
+        lowest_value, highest_value = sorted(published_value * end for end in (low, high))
+        word = verdict(value, lowest_value, highest_value, (_tested_number(reference, value),))
     return {
         "band_low": low,
         "band_high": high,
@@ -209,53 +209,53 @@ def _tested_number(statement: Mapping[str, Any], value: ExpressionValue) -> str:
     return "monte_carlo"
 
 
-def _reference_row(tables: Tables, case: str | None, published: Mapping[str, Any]) -> dict[str, Any]:
+def _reference_row(tables: Tables, case: str | None, reference: Mapping[str, Any]) -> dict[str, Any]:
     """Return the row of a published number for a case; None: no case has the levels of the number."""
-    value = float(published["value"])
-    unit = str(published["unit"])
-    ours = SingleValue(np.nan, "no such case")
+    value = float(reference["value"])
+    unit = str(reference["unit"])
+    result = SingleValue(np.nan, "no such case")
     label = ""
     if case is not None:
-        ours = _single_value(tables, case, published)
-        label = label_of(tables, case, axes_of(published))
+        result = _single_value(tables, case, reference)
+        label = label_of(tables, case, axes_of(reference))
     suffix = ""
-    if published.get("against") is not None:
+    if reference.get("against") is not None:
         suffix = ", how much smaller"
-    elif published.get("than") is not None:
-        suffix = f", how much below {published['than']}"
-    ratio = ours.value / value
+    elif reference.get("than") is not None:
+        suffix = f", how much below {reference['than']}"
+    ratio = result.value / value
     return published_row(
-        published,
-        (ours.remark,),
-        band_of(published),
+        reference,
+        (result.remark,),
+        band_of(reference),
         ratio,
-        _expression_value(tables, case, published),
+        _expression_value(tables, case, reference),
         value,
-        percentile=_percentile(published, ours),
-        fitted=bool(published.get("fitted")),
+        percentile=_percentile(reference, result),
+        fitted=bool(reference.get("fitted")),
         case=label,
-        metric=name_of(published) + suffix,
+        metric=name_of(reference) + suffix,
         unit=unit,
         published=value,
-        ours=ours.value,
+        ours=result.value,
         ratio=ratio,
     )
 
 
-def _single_value(tables: Tables, case: str, published: Mapping[str, Any]) -> SingleValue:
+def _single_value(tables: Tables, case: str, reference: Mapping[str, Any]) -> SingleValue:
     """Return our number for a published one: of a case, or its reduction against another metric or case."""
-    other_metric = published.get("than")
-    other_levels = published.get("against")
+    other_metric = reference.get("than")
+    other_levels = reference.get("against")
     if other_metric is not None:
-        larger = in_own_unit(tables, case, {**published, "metric": other_metric})
-        return _reduction_percent(in_own_unit(tables, case, published), larger)
+        larger = in_own_unit(tables, case, {**reference, "metric": other_metric})
+        return _reduction_percent(in_own_unit(tables, case, reference), larger)
     if other_levels is None:
-        return evaluate_single(tables, case, published, str(published["unit"]))
-    other_cases = cases_of(tables, other_levels, axes_of(published))
+        return evaluate_single(tables, case, reference, str(reference["unit"]))
+    other_cases = cases_of(tables, other_levels, axes_of(reference))
     if len(other_cases) != 1:
         return SingleValue(np.nan, f"{len(other_cases)} cases to hold it against")
-    larger = in_own_unit(tables, other_cases[0], published)
-    return _reduction_percent(in_own_unit(tables, case, published), larger)
+    larger = in_own_unit(tables, other_cases[0], reference)
+    return _reduction_percent(in_own_unit(tables, case, reference), larger)
 
 
 def _reduction_percent(smaller: SingleValue, larger: SingleValue) -> SingleValue:
@@ -273,43 +273,43 @@ def written_unit(tables: Tables, name: str) -> str:
     """Return the display unit of a metric: for an error that of the results, for others the SI unit."""
     metric = metric_of(name)
     if isinstance(metric, StateError):
-        return str(tables.people.get((metric.quantity, metric.axis), ("m", 1.0))[0])
+        return str(tables.display_units.get((metric.quantity, metric.axis), ("m", 1.0))[0])
     return metric.unit
 
 
-def _expression_value(tables: Tables, case: str | None, published: Mapping[str, Any]) -> ExpressionValue | None:
+def _expression_value(tables: Tables, case: str | None, reference: Mapping[str, Any]) -> ExpressionValue | None:
     """Return the number by formal sigma, linear covariance and runs; None if there is no case."""
     if case is None:
         return None
-    other_metric = published.get("than")
-    other_levels = published.get("against")
+    other_metric = reference.get("than")
+    other_levels = reference.get("against")
     if other_metric is None and other_levels is None:
-        return value_of("a", {"a": evaluate(tables, case, published, str(published["unit"]))})
+        return value_of("a", {"a": evaluate(tables, case, reference, str(reference["unit"]))})
     other_cases = [case]
     if other_levels is not None:
-        other_cases = cases_of(tables, other_levels, axes_of(published))
+        other_cases = cases_of(tables, other_levels, axes_of(reference))
     if len(other_cases) != 1:
         return None
-    other = {**published, "metric": other_metric or published["metric"]}
+    other_statement = {**reference, "metric": other_metric or reference["metric"]}
     terms = {
-        "a": evaluate(tables, case, published, "-"),
-        "b": evaluate(tables, other_cases[0], other, "-"),
+        "a": evaluate(tables, case, reference, "-"),
+        "b": evaluate(tables, other_cases[0], other_statement, "-"),
     }
     return value_of("100 * (1 - a / b)", terms)
 
 
-def _percentile(published: Mapping[str, Any], value: SingleValue) -> float:
+def _percentile(reference: Mapping[str, Any], value: SingleValue) -> float:
     """Return the percentage of the runs below a published single run; NaN if the number is not of a single run."""
-    if not published.get("single") or not len(value.runs):
+    if not reference.get("single") or not len(value.runs):
         return float("nan")
-    return 100.0 * float(np.mean(value.runs < float(published["value"])))
+    return 100.0 * float(np.mean(value.runs < float(reference["value"])))
 
 
 EDGES = (1.0, 99.0)
 """Percentiles of the runs beyond which a published single flight is unlikely to belong to their distribution."""
 
 
-def evidence(rows: pd.DataFrame) -> pd.Series:
+def is_evidence(rows: pd.DataFrame) -> pd.Series:
     """Whether each row of `results.evaluation.published.references` is evidence.
 
     Evidence is published, not determined by an input, able to fail, and not the second reading of another row.
@@ -317,22 +317,22 @@ def evidence(rows: pd.DataFrame) -> pd.Series:
     return ~rows.counts_as.isin(MARKS)
 
 
-def own(rows: pd.DataFrame) -> pd.Series:
+def is_unpublished(rows: pd.DataFrame) -> pd.Series:
     """Whether the statement of each row, or its bound, is not published."""
     return rows.counts_as == "own"
 
 
-def fitted(rows: pd.DataFrame) -> pd.Series:
+def has_fitted_settings(rows: pd.DataFrame) -> pd.Series:
     """Whether settings were fitted to the number of each row."""
     return rows.fitted.eq(True).fillna(False).astype(bool)  # orders and statements have no value in this column
 
 
-def at_an_edge(rows: pd.DataFrame) -> pd.Series:
+def is_at_edge(rows: pd.DataFrame) -> pd.Series:
     """Whether the published single flight of each row lies at or beyond the 1st or 99th percentile of the runs."""
     return (rows.percentile <= EDGES[0]) | (rows.percentile >= EDGES[1])
 
 
-def reproduced(rows: pd.DataFrame) -> pd.Series:
+def is_reproduced(rows: pd.DataFrame) -> pd.Series:
     """Whether the results reproduce each row: its number with the interval of the runs lies in the band."""
     return rows.verdict == HOLDS
 
@@ -352,17 +352,17 @@ def most_important(rows: pd.DataFrame, order: Sequence[str], n: int = 3) -> pd.D
     n : int
         Largest number of rows.
     """
-    places = []  # place of each item in `order`; items without a place come last
+    item_ranks = []  # place of each item in `order`; items without a place come last
     for item in rows["item"]:
         matches = [k for k, start in enumerate(order) if item.startswith(start)]
-        places.append(matches[0] if matches else len(order))
-    ranked = rows.assign(place=places, closeness=-_band_distance(rows))
-    ranked = ranked.sort_values(["place", "closeness"], kind="stable").drop_duplicates("item")
-    has_place = ranked.place < len(order)
-    first_of_place = ranked[has_place].drop_duplicates("place")
-    remaining = ranked.drop(first_of_place.index)
-    remaining = remaining.sort_values("closeness", kind="stable")
-    important = pd.concat([first_of_place, remaining]).head(n)
+        item_ranks.append(matches[0] if matches else len(order))
+    sorted_rows = rows.assign(place=item_ranks, closeness=-_band_distance(rows))
+    sorted_rows = sorted_rows.sort_values(["place", "closeness"], kind="stable").drop_duplicates("item")
+    has_place = sorted_rows.place < len(order)
+    first_rows = sorted_rows[has_place].drop_duplicates("place")
+    remaining_rows = sorted_rows.drop(first_rows.index)
+    remaining_rows = remaining_rows.sort_values("closeness", kind="stable")
+    important = pd.concat([first_rows, remaining_rows]).head(n)
     return important[list(rows.columns)]
 
 
@@ -371,11 +371,11 @@ def _band_distance(rows: pd.DataFrame) -> pd.Series:
 
     It is 0 inside the band and infinite without a number.
     """
-    ours = rows.ratio.fillna(rows.ours).astype(float)
+    value = rows.ratio.fillna(rows.ours).astype(float)
     with np.errstate(divide="ignore", invalid="ignore"):
-        below = np.log(rows.band_low.astype(float) / ours)
-        above = np.log(ours / rows.band_high.astype(float))
-    outside = np.maximum(np.maximum(below, above), 0.0)
-    has_no_number = ours.isna() | (ours <= 0.0)
+        low_excess = np.log(rows.band_low.astype(float) / value)
+        high_excess = np.log(value / rows.band_high.astype(float))
+    outside = np.maximum(np.maximum(low_excess, high_excess), 0.0)
+    has_no_number = value.isna() | (value <= 0.0)
     distance = np.where(has_no_number, np.inf, outside)
     return pd.Series(distance, index=rows.index)

@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from lvnav_trade.quantities.marks import unmarked
+from lvnav_trade.quantities.marks import without_field_marks
 from lvnav_trade.quantities.records import Floats
 from lvnav_trade.quantities.units import parse
 from lvnav_trade.results.requirements import confirmation, requirements
-from lvnav_trade.results.requirements.margins import margins, worst
-from lvnav_trade.results.statistics.select import once
+from lvnav_trade.results.requirements.margins import margins, severest_verdict
+from lvnav_trade.results.statistics.select import cache_result
 from lvnav_trade.results.tables.read import Tables
 
 # Totals by name: display unit, SI unit of the card's quantity (empty for a plain number), factor from SI to display
@@ -42,7 +42,7 @@ def resource_totals(tables: Tables) -> pd.DataFrame:
     """
     rows = []
     for case, label in tables.labels.items():
-        total = total_of(scenario_of(tables, case))
+        total = device_totals(scenario_of(tables, case))
         if total:
             rows.append({"case": label, **total})
     return pd.DataFrame(rows, columns=["case", *TOTALLED])
@@ -72,7 +72,7 @@ def _replace_field(data: Any, path: Sequence[str], value: Any) -> Any:
         for k, item in enumerate(data):
             items.append(_replace_field(item, path[1:], value) if k == index else item)
         return items
-    data = unmarked(data or {}, path)
+    data = without_field_marks(data or {}, path)
     name = path[0]
     field = _replace_field(data.get(name), path[1:], value)
     return {**data, name: field}
@@ -88,7 +88,7 @@ def _resources(scenario: Mapping[str, Any]) -> Iterator[Mapping[str, Any]]:
             yield device["resources"]
 
 
-def total_of(scenario: Mapping[str, Any]) -> dict[str, float]:
+def device_totals(scenario: Mapping[str, Any]) -> dict[str, float]:
     """Return the totals (`TOTALLED`) of the devices of a resolved scenario; empty if no device gives resources."""
     devices = list(_resources(scenario))
 
@@ -116,7 +116,7 @@ def total_of(scenario: Mapping[str, Any]) -> dict[str, float]:
     }
 
 
-@once
+@cache_result
 def pareto(tables: Tables) -> pd.DataFrame:
     """Return every case with its totals, its largest error over the limit, and whether it is on the Pareto front.
 
@@ -142,26 +142,26 @@ def pareto(tables: Tables) -> pd.DataFrame:
 
 def _largest_error_ratios(tables: Tables) -> pd.DataFrame:
     """Return for each case the largest ratio of an error to its limit, the limiting requirement, the worst verdict."""
-    worst_verdicts = margins(tables).groupby("case").verdict.agg(worst)
-    by_lincov = confirmation.expected_verdicts(tables).set_index(["requirement", "case"])
-    by_runs = requirements.verdicts(tables).set_index(["requirement", "case"])
-    names = list(dict.fromkeys(by_runs.index.get_level_values(0)))
+    worst_verdicts = margins(tables).groupby("case").verdict.agg(severest_verdict)
+    lincov_rows = confirmation.expected_verdicts(tables).set_index(["requirement", "case"])
+    run_rows = requirements.verdicts(tables).set_index(["requirement", "case"])
+    names = list(dict.fromkeys(run_rows.index.get_level_values(0)))
     rows = []
     for label in tables.labels.values():
         ratios = {}
         for name in names:
-            result = by_lincov.loc[name, label]
+            result = lincov_rows.loc[name, label]
             if result.verdict not in ("met", "violated"):
-                result = by_runs.loc[name, label]
+                result = run_rows.loc[name, label]
             ratios[str(name)] = float(result.estimate) / float(result.limit)
-        limiting, largest = "", math.inf  # of a case with an unknown error
+        limiting_requirement, largest = "", math.inf  # of a case with an unknown error
         if not any(math.isnan(ratio) for ratio in ratios.values()):
-            limiting = max(ratios, key=ratios.__getitem__)
-            largest = ratios[limiting]
+            limiting_requirement = max(ratios, key=ratios.__getitem__)
+            largest = ratios[limiting_requirement]
         row = {
             "case": label,
             "error_ratio": largest,
-            "limiting_requirement": limiting,
+            "limiting_requirement": limiting_requirement,
             "verdict": worst_verdicts[label],
         }
         rows.append(row)
@@ -186,7 +186,7 @@ def dominating(values: Floats, k: int) -> int:
     return -1
 
 
-def ranked(frame: pd.DataFrame, prefer: Sequence[str]) -> pd.DataFrame:
+def sort_by_preference(frame: pd.DataFrame, prefer: Sequence[str]) -> pd.DataFrame:
     """Return the rows of `pareto` in order of preference.
 
     Cases that meet all requirements come first, then undecided cases with errors below all limits, then the others;
@@ -200,7 +200,7 @@ def ranked(frame: pd.DataFrame, prefer: Sequence[str]) -> pd.DataFrame:
         Names of `PREFERRED`, the most important first.
     """
     columns = [PREFERRED[name] for name in prefer]
-    promising = (frame.verdict == "undecided") & (frame.error_ratio <= 1.0)
-    rank = np.where(frame.meets, 0, np.where(promising, 1, 2))
-    ordered = frame.assign(rank_first=rank).sort_values(["rank_first", *columns], kind="stable")
-    return ordered.drop(columns="rank_first").reset_index(drop=True)
+    is_promising = (frame.verdict == "undecided") & (frame.error_ratio <= 1.0)
+    rank = np.where(frame.meets, 0, np.where(is_promising, 1, 2))
+    sorted_frame = frame.assign(rank_first=rank).sort_values(["rank_first", *columns], kind="stable")
+    return sorted_frame.drop(columns="rank_first").reset_index(drop=True)

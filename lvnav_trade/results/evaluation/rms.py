@@ -72,7 +72,7 @@ def rms(tables: Tables) -> pd.DataFrame:
         names = list(group)
         means_of_series = _phase_means(tables, case, names)
         for (_, quantity, axis), means in zip(names, means_of_series, strict=True):
-            unit, factor = tables.people[quantity, axis]
+            unit, factor = tables.display_units[quantity, axis]
             for phase_or_event, (mean_squares, freedom) in means.items():
                 monte_carlo, formal, true = factor * np.sqrt(mean_squares)
                 row = {
@@ -174,7 +174,7 @@ def ranking(tables: Tables) -> pd.DataFrame:
             else:
                 value = float(np.hypot(last.lincov_true_si, last.lincov_mean_si))
             low, high = rms_interval(value, runs * float(last.dof_ratio))
-            unit, factor = tables.people[quantity, axis]
+            unit, factor = tables.display_units[quantity, axis]
             rows[case] |= {
                 "event": event,
                 "run_count": runs,
@@ -240,7 +240,7 @@ def _difference_sizes(tables: Tables, pair: tuple[str, str], event: str, quantit
     n = min(len(base), len(variant))
     first = base.to_numpy(dtype=float)[:n]
     second = variant.to_numpy(dtype=float)[:n]
-    unit, factor = tables.people[quantity, "3d"]
+    unit, factor = tables.display_units[quantity, "3d"]
     first_rms, second_rms, difference_rms = (
         factor * float(np.sqrt(np.mean(np.sum(error**2, axis=1)))) for error in (first, second, second - first)
     )
@@ -261,7 +261,7 @@ class ControlledRms(NamedTuple):
     low: float  # lower end of its 95 % interval
     high: float  # upper end
     effective_runs: float  # number of plain runs with an interval of the same width
-    known: float  # fraction of the mean square that the draws explain
+    explained_share: float  # fraction of the mean square that the draws explain
 
 
 def controlled_rms(error: Floats, draws: Floats) -> ControlledRms:
@@ -290,27 +290,27 @@ def controlled_rms(error: Floats, draws: Floats) -> ControlledRms:
     square = (error**2).sum(axis=1)
     fold = np.arange(n) % FOLDS
     control = np.zeros(n)  # (b . u)^2 - |b|^2
-    explained = 0.0  # |b|^2, mean over the runs
+    explained_square = 0.0  # |b|^2, mean over the runs
     for k in range(FOLDS):
-        in_fold = fold == k
-        slope = _ridge_slope(error[~in_fold], draws[~in_fold])
+        is_in_fold = fold == k
+        slope = _ridge_slope(error[~is_in_fold], draws[~is_in_fold])
         slope_square = float((slope**2).sum())
-        linear_error = draws[in_fold] @ slope
-        control[in_fold] = (linear_error**2).sum(axis=1) - slope_square
-        explained += slope_square * in_fold.sum() / n
-    controlled = square - control
-    mean = float(controlled.mean())
+        linear_error = draws[is_in_fold] @ slope
+        control[is_in_fold] = (linear_error**2).sum(axis=1) - slope_square
+        explained_square += slope_square * is_in_fold.sum() / n
+    controlled_square = square - control
+    mean = float(controlled_square.mean())
     if n < 2 or not mean > 0.0:
         return ControlledRms(np.nan, np.nan, np.nan, np.nan, np.nan)
-    sigma_of_log = float(controlled.std(ddof=1)) / (mean * np.sqrt(n))  # of ln(mean square)
+    sigma_of_log = float(controlled_square.std(ddof=1)) / (mean * np.sqrt(n))  # of ln(mean square)
     half = float(stats.t.isf(_TAIL, n - 1)) * sigma_of_log
-    variance = float(controlled.var())
+    variance = float(controlled_square.var())
     return ControlledRms(
         rms=float(np.sqrt(mean)),
         low=float(np.sqrt(mean * np.exp(-half))),
         high=float(np.sqrt(mean * np.exp(half))),
         effective_runs=n * float(square.var()) / variance if variance > 0.0 else float("inf"),
-        known=explained / mean,
+        explained_share=explained_square / mean,
     )
 
 
@@ -320,9 +320,9 @@ def _ridge_slope(error: Floats, draws: Floats) -> Floats:
     The penalty m shrinks the slope if there are few runs: b = (u'u + m I)^-1 u'e.
     """
     m = draws.shape[1]
-    centred = error - error.mean(axis=0)
+    deviations = error - error.mean(axis=0)
     normal_matrix = draws.T @ draws + m * np.eye(m)
-    return np.asarray(np.linalg.solve(normal_matrix, draws.T @ centred))
+    return np.asarray(np.linalg.solve(normal_matrix, draws.T @ deviations))
 
 
 def control_variates(tables: Tables) -> pd.DataFrame:
@@ -371,23 +371,23 @@ def _controlled_values(
     draws : (n_run, m) array
         Standard normals of the same runs, used as control variates.
     """
-    unit, factor = tables.people[quantity, "3d"]
+    unit, factor = tables.display_units[quantity, "3d"]
     history = history_of(tables, case, quantity, "3d")
     t = float(flight_events(tables, case).set_index("event").t_s[event])
-    expected = at_time(history.assign(rms=lincov_rms(history)), t)
+    lincov_row = at_time(history.assign(rms=lincov_rms(history)), t)
     plain_rms = float(np.sqrt((error**2).sum(axis=1).mean()))
-    plain_low, plain_high = rms_interval(plain_rms, len(error) * expected.dof_ratio)
-    controlled = controlled_rms(error, draws)
+    plain_low, plain_high = rms_interval(plain_rms, len(error) * lincov_row.dof_ratio)
+    controlled_error = controlled_rms(error, draws)
     return {
         "unit": unit,
         "runs": len(error),
         "rms": plain_rms * factor,
         "low": float(plain_low) * factor,
         "high": float(plain_high) * factor,
-        "controlled_rms": controlled.rms * factor,
-        "controlled_low": controlled.low * factor,
-        "controlled_high": controlled.high * factor,
-        "effective_runs": controlled.effective_runs,
-        "lincov": float(expected.rms) * factor,
-        "known_share_ratio": controlled.known,
+        "controlled_rms": controlled_error.rms * factor,
+        "controlled_low": controlled_error.low * factor,
+        "controlled_high": controlled_error.high * factor,
+        "effective_runs": controlled_error.effective_runs,
+        "lincov": float(lincov_row.rms) * factor,
+        "known_share_ratio": controlled_error.explained_share,
     }

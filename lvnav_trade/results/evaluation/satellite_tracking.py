@@ -7,17 +7,17 @@ import numpy as np
 import pandas as pd
 
 from lvnav_trade.quantities.records import Floats
-from lvnav_trade.results.statistics.case_results import number_in
+from lvnav_trade.results.statistics.case_results import parse_number
 from lvnav_trade.results.statistics.select import (
     NAVIGATION,
     SAME_TIME,
     at_time,
+    cache_result,
     faults,
     history_of,
     instant,
     lincov_rms,
     names_of_series,
-    once,
     pick,
     pick_columns,
 )
@@ -70,7 +70,7 @@ _RECOVERY = [
 ]
 
 
-def values_of(
+def signal_values(
     tables: Tables,
     case: str,
     metric: str,
@@ -111,10 +111,10 @@ def values_of(
         values = _values_while_tracked(rows[rows.tracked], metric)
         values = values.assign(height=np.interp(values.t_s, truth.t_s, truth.altitude_m))
         if elevation is not None:
-            low, high = (number_in(end, "rad") for end in elevation)
+            low, high = (parse_number(end, "rad") for end in elevation)
             values = values[values.elevation_rad.between(low, high)]
     if altitude is not None:
-        low, high = (number_in(end, "m") for end in altitude)
+        low, high = (parse_number(end, "m") for end in altitude)
         values = values[values.height.between(low, high)]
     return values[["t_s", "value", "height"]].reset_index(drop=True)
 
@@ -137,16 +137,16 @@ def reacquisition_times(tables: Tables, case: str, at: str) -> Floats:
     A satellite is lost if it was tracked before and is not tracked at the instant. Infinite if it never is again.
     """
     t0 = instant(tables, case, at)
-    tracked = tracked_over_time(tables, case)
-    before = tracked[tracked.index <= t0 + SAME_TIME]
-    after = tracked[tracked.index > t0 + SAME_TIME]
-    if before.empty or after.empty:
+    is_tracked = tracked_over_time(tables, case)
+    tracked_before = is_tracked[is_tracked.index <= t0 + SAME_TIME]
+    tracked_after = is_tracked[is_tracked.index > t0 + SAME_TIME]
+    if tracked_before.empty or tracked_after.empty:
         return np.empty(0)
     durations = []
-    for name in tracked.columns:
-        is_lost = before[name].any() and not before[name].iloc[-1]
-        if is_lost and after[name].any():
-            durations.append(float(after.index[after[name]].min()) - t0)
+    for name in is_tracked.columns:
+        is_lost = tracked_before[name].any() and not tracked_before[name].iloc[-1]
+        if is_lost and tracked_after[name].any():
+            durations.append(float(tracked_after.index[tracked_after[name]].min()) - t0)
         elif is_lost:
             durations.append(np.inf)
     return np.array(durations)
@@ -154,11 +154,11 @@ def reacquisition_times(tables: Tables, case: str, at: str) -> Floats:
 
 def in_view(tables: Tables) -> pd.DataFrame:
     """Return the satellites tracked and above the horizon over time: case, t_s, tracked_count, above_count."""
-    counts = counted(tables.satellites)
+    counts = satellite_counts(tables.satellites)
     return counts.assign(case=counts.case.map(tables.labels))
 
 
-def counted(rows: pd.DataFrame) -> pd.DataFrame:
+def satellite_counts(rows: pd.DataFrame) -> pd.DataFrame:
     """Return how many satellites of rows are tracked and above the horizon, by case and time."""
     rows = rows[["case", "t_s", "tracked"]].assign(above=rows.elevation_rad > 0)
     groups = rows.groupby(["case", "t_s"], sort=False, as_index=False)
@@ -186,37 +186,37 @@ def outages(tables: Tables) -> pd.DataFrame:
 
 def _outage_errors(tables: Tables, case: str, quantity: str, fault: Any) -> dict[str, Any]:
     """Return the values of `_OUTAGES` from `t_start_s` on, for the norm of a navigation error around a fault."""
-    unit, factor = tables.people[quantity, "3d"]
+    unit, factor = tables.display_units[quantity, "3d"]
     history = history_of(tables, case, quantity, "3d")
-    expected = lincov_rms(history)
-    error = history.assign(expected=expected, error=history.rms_si if history.run_count.iloc[0] else expected)
-    earlier = error[error.t_s < fault.t_s - SAME_TIME]
+    expected_rms = lincov_rms(history)
+    error = history.assign(expected=expected_rms, error=history.rms_si if history.run_count.iloc[0] else expected_rms)
+    earlier_rows = error[error.t_s < fault.t_s - SAME_TIME]
     has_duration = fault.t_end_s > fault.t_s
-    if has_duration or earlier.empty:
-        before = at_time(error, fault.t_s)
+    if has_duration or earlier_rows.empty:
+        error_before = at_time(error, fault.t_s)
     else:
-        before = earlier.iloc[-1]
+        error_before = earlier_rows.iloc[-1]
     end = at_time(error, fault.t_end_s)
-    after = at_time(error, fault.t_end_s + AFTER)
-    worst, t_worst, t_recovered = _worst_until_recovery(tables, case, error, fault, float(before.error))
+    error_after = at_time(error, fault.t_end_s + AFTER)
+    worst, t_worst, t_recovered = _worst_until_recovery(tables, case, error, fault, float(error_before.error))
     return {
         "t_start_s": fault.t_s,
         "t_end_s": fault.t_end_s,
         "metric": f"{quantity}_error",
         "unit": unit,
-        "before": before.error * factor,
+        "before": error_before.error * factor,
         "at_end": end.error * factor,
-        "after": after.error * factor,
+        "after": error_after.error * factor,
         "worst": worst * factor,
         "t_worst_s": t_worst,
         "t_recovered_s": t_recovered,
-        "growth_ratio": end.error / before.error if before.error > 0 else np.nan,
+        "growth_ratio": end.error / error_before.error if error_before.error > 0 else np.nan,
         "lincov_at_end": end.expected * factor,
     }
 
 
 def _worst_until_recovery(
-    tables: Tables, case: str, errors: pd.DataFrame, fault: Any, before: float
+    tables: Tables, case: str, errors: pd.DataFrame, fault: Any, previous_error: float
 ) -> tuple[float, float, float]:
     """Return the worst error from the start of a fault until it has recovered, its time, and the time of recovery.
 
@@ -230,7 +230,7 @@ def _worst_until_recovery(
         Columns t_s, and error in SI, of the norm of a quantity.
     fault : named tuple
         Event of the fault, with t_s and t_end_s.
-    before : float
+    previous_error : float
         Error before the fault, SI.
 
     Returns
@@ -244,23 +244,23 @@ def _worst_until_recovery(
     tracked again, and 10 s have passed since its end: an error may grow long after a fault, until its satellites are
     tracked. Without a recovery the search ends with the next fault or with the history.
     """
-    tracked = tracked_over_time(tables, case)
-    satellites = _recovery_values(tracked, float(fault.t_s), float(fault.t_end_s))
+    is_tracked = tracked_over_time(tables, case)
+    satellites = _recovery_values(is_tracked, float(fault.t_s), float(fault.t_end_s))
     until_all_tracked = np.nan_to_num(satellites["to_all_s"], nan=np.inf)
     t_all_tracked = fault.t_end_s + max(AFTER, until_all_tracked)
     fault_times = faults(tables, case).t_s
     t_next_fault = fault_times[fault_times > fault.t_end_s + SAME_TIME].min()  # NaN if there is none
     is_before_next = ~(errors.t_s >= t_next_fault - SAME_TIME)
     errors = errors[(errors.t_s >= fault.t_s - SAME_TIME) & is_before_next]
-    is_small = errors.error < RECOVERED * before
-    recovered = errors.t_s[is_small & (errors.t_s >= t_all_tracked - SAME_TIME)]
-    if len(recovered):
-        errors = errors[errors.t_s <= recovered.iloc[0]]
+    is_small = errors.error < RECOVERED * previous_error
+    recovery_times = errors.t_s[is_small & (errors.t_s >= t_all_tracked - SAME_TIME)]
+    if len(recovery_times):
+        errors = errors[errors.t_s <= recovery_times.iloc[0]]
     if errors.error.isna().all():
         return np.nan, np.nan, np.nan
     peak = errors.loc[errors.error.idxmax()]
     t_recovered = np.nan
-    if len(recovered):
+    if len(recovery_times):
         # The error counts as recovered from its first small value after the fault that no large value follows.
         t_last_large = errors.t_s[~is_small[errors.index]].max()
         after_fault = errors.t_s >= fault.t_end_s - SAME_TIME
@@ -279,8 +279,8 @@ def losses(tables: Tables) -> pd.DataFrame:
     Columns: case, reason, loss_count, satellite_count, first_s, last_s. Empty where no receiver has channels.
     """
     changes = transitions(tables)
-    lost = changes[changes.from_state == "track"]
-    by_reason = lost.groupby(["case", "reason"], sort=False).agg(
+    loss_rows = changes[changes.from_state == "track"]
+    by_reason = loss_rows.groupby(["case", "reason"], sort=False).agg(
         loss_count=("satellite", "size"),
         satellite_count=("satellite", "nunique"),
         first_s=("t_s", "min"),
@@ -289,14 +289,14 @@ def losses(tables: Tables) -> pd.DataFrame:
     return by_reason.reset_index()
 
 
-@once
+@cache_result
 def tracked_over_time(tables: Tables, case: str) -> pd.DataFrame:
     """Return whether each satellite is tracked: times (s) as index, one column each."""
-    t, satellites, tracked = pick_columns(tables.satellites, ("t_s", "satellite", "tracked"), case=case)
+    t, satellites, is_tracked = pick_columns(tables.satellites, ("t_s", "satellite", "tracked"), case=case)
     times, row = np.unique(t, return_inverse=True)
     column, names = pd.factorize(satellites, sort=True)
     wide = np.zeros((len(times), len(names)), dtype=bool)
-    wide[row, column] = tracked
+    wide[row, column] = is_tracked
     return pd.DataFrame(wide, pd.Index(times, name="t_s"), pd.Index(names, name="satellite"))
 
 
@@ -311,24 +311,24 @@ def tracking(tables: Tables) -> pd.DataFrame:
     for case, label in tables.labels.items():
         wide = tracked_over_time(tables, case)
         t = wide.index.to_numpy(dtype=float)
-        tracked = wide.to_numpy()
-        count = tracked.sum(axis=1)
-        with_fix = np.flatnonzero(count >= FIX)
-        first = int(with_fix[0]) if with_fix.size else len(t)
-        if with_fix.size:
+        is_tracked = wide.to_numpy()
+        count = is_tracked.sum(axis=1)
+        fix_indices = np.flatnonzero(count >= FIX)
+        first = int(fix_indices[0]) if fix_indices.size else len(t)
+        if fix_indices.size:
             counts_since = count[first:]
         else:
             counts_since = np.array([np.nan])
         gaps = _gaps(t[first:], count[first:] >= FIX)
         row = {
             "case": label,
-            "first_fix_s": t[first] if with_fix.size else np.nan,
-            "to_fix_s": t[first] - t[0] if with_fix.size else np.nan,
+            "first_fix_s": t[first] if fix_indices.size else np.nan,
+            "to_fix_s": t[first] - t[0] if fix_indices.size else np.nan,
             "least_count": counts_since.min(),
             "mean_count": counts_since.mean(),
             "gap_count": len(gaps),
             "longest_gap_s": max(gaps, default=0.0),
-            "loss_count": int((tracked[:-1] & ~tracked[1:]).sum()),
+            "loss_count": int((is_tracked[:-1] & ~is_tracked[1:]).sum()),
         }
         rows.append(row)
     return pd.DataFrame(rows, columns=_TRACKING)
@@ -353,8 +353,8 @@ def recovery(tables: Tables) -> pd.DataFrame:
     rows = []
     for case, label in tables.labels.items():
         for fault in faults(tables, case).itertuples():
-            tracked = tracked_over_time(tables, case)
-            values = _recovery_values(tracked, float(fault.t_s), float(fault.t_end_s))
+            is_tracked = tracked_over_time(tables, case)
+            values = _recovery_values(is_tracked, float(fault.t_s), float(fault.t_end_s))
             row = {"case": label, "fault": fault.event, "t_start_s": fault.t_s, "t_end_s": fault.t_end_s}
             rows.append(row | values)
     return pd.DataFrame(rows, columns=_RECOVERY)
@@ -371,30 +371,30 @@ def _recovery_values(wide: pd.DataFrame, start: float, end: float) -> dict[str, 
         Start and end of the fault (s).
     """
     t = wide.index.to_numpy(dtype=float)
-    tracked = wide.to_numpy()
+    is_tracked = wide.to_numpy()
     is_before = t < start - SAME_TIME
     is_after = t >= end - SAME_TIME
-    during = tracked[~is_before & ~is_after]
-    after = tracked[is_after]
+    tracked_during = is_tracked[~is_before & ~is_after]
+    tracked_after = is_tracked[is_after]
     time_after = t[is_after] - end
     if is_before.any():
-        at_start = tracked[is_before][-1]
+        tracked_before = is_tracked[is_before][-1]
     else:
-        at_start = np.zeros(tracked.shape[1], dtype=bool)
-    is_lost = at_start & ~during.all(axis=0)
-    lost_after = after[:, is_lost]
-    returns = lost_after.any(axis=0)
-    with_fix = np.flatnonzero(after.sum(axis=1) >= FIX)
-    if returns.any():
-        first_tracked = lost_after[:, returns].argmax(axis=0)
-        to_all = max(0.0, float(time_after[first_tracked].max()))
+        tracked_before = np.zeros(is_tracked.shape[1], dtype=bool)
+    is_lost = tracked_before & ~tracked_during.all(axis=0)
+    lost_tracked_after = tracked_after[:, is_lost]
+    has_returned = lost_tracked_after.any(axis=0)
+    fix_indices = np.flatnonzero(tracked_after.sum(axis=1) >= FIX)
+    if has_returned.any():
+        first_tracked = lost_tracked_after[:, has_returned].argmax(axis=0)
+        recovery_time = max(0.0, float(time_after[first_tracked].max()))
     else:
-        to_all = np.nan if is_lost.any() else 0.0
+        recovery_time = np.nan if is_lost.any() else 0.0
     return {
-        "before_count": int(at_start.sum()),
-        "least_count": int(during.sum(axis=1).min()) if len(during) else int(at_start.sum()),
+        "before_count": int(tracked_before.sum()),
+        "least_count": int(tracked_during.sum(axis=1).min()) if len(tracked_during) else int(tracked_before.sum()),
         "lost_count": int(is_lost.sum()),
-        "to_fix_s": max(0.0, float(time_after[with_fix[0]])) if with_fix.size else np.nan,
-        "to_all_s": to_all,
-        "gone_count": int((~returns).sum()),
+        "to_fix_s": max(0.0, float(time_after[fix_indices[0]])) if fix_indices.size else np.nan,
+        "to_all_s": recovery_time,
+        "gone_count": int((~has_returned).sum()),
     }

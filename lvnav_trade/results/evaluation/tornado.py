@@ -14,8 +14,8 @@ from lvnav_trade.quantities.records import Floats
 from lvnav_trade.results.evaluation.design_space import CONFIDENCE, axes_of, errors_of, possible, range_text
 from lvnav_trade.results.evaluation.designs import unit_of
 from lvnav_trade.results.registry import metric_of
-from lvnav_trade.results.statistics.case_results import number_in
-from lvnav_trade.results.statistics.select import once
+from lvnav_trade.results.statistics.case_results import parse_number
+from lvnav_trade.results.statistics.select import cache_result
 from lvnav_trade.results.tables.dictionary import unit_at_end
 from lvnav_trade.results.tables.read import Tables
 
@@ -35,7 +35,7 @@ SWINGS = [
 ]
 
 
-@once
+@cache_result
 def swings(tables: Tables) -> pd.DataFrame:
     """Return the error of each requirement at both ends (or at each level) of each axis, for the bars of a tornado.
 
@@ -77,7 +77,7 @@ def _requirement_swings(frame: pd.DataFrame, column: str) -> Iterator[dict[str, 
         for end in term.ends:
             weights = np.zeros(fit.size)
             weights[first:last] = term.columns[end.row]
-            deviation, half = fit.at(weights)
+            deviation, half = fit.linear_combination(weights)
             size, low, high, mean_size = np.exp(
                 [mean + deviation, mean + deviation - half, mean + deviation + half, mean]
             ).tolist()
@@ -184,7 +184,7 @@ class _Regression:
         # HC3 uses the residual of each design by a fit without it, r_i / (1 - h_i).
         self._residual = residual / np.maximum(1.0 - leverage, 1e-9)
 
-    def at(self, weights: Floats) -> tuple[float, float]:
+    def linear_combination(self, weights: Floats) -> tuple[float, float]:
         """Return a linear combination of the coefficients, weights (k,), and the half-width of its 95 % interval."""
         quantile = stats.t.isf(0.5 * (1.0 - CONFIDENCE), self._freedom)
         sensitivity = weights @ self._inverse[1:]  # of the combination to each value
@@ -196,7 +196,7 @@ def limit_of(tables: Tables, requirement: str) -> float:
     """Return the limit of the requirement with a name, in the SI unit of its metric; NaN if there is none."""
     for definition in tables.campaign.get("requirements") or ():
         if definition["name"] == requirement:
-            return number_in(definition["below"], metric_of(str(definition["metric"])).unit)
+            return parse_number(definition["below"], metric_of(str(definition["metric"])).unit)
     return float("nan")
 
 

@@ -127,7 +127,7 @@ def _monte_carlo_value(text: str, terms: Mapping[str, MetricValue], runs: Floats
 
 
 def _extend_interval(
-    text: str, terms: Mapping[str, MetricValue], centre: float, by_runs: tuple[float, float]
+    text: str, terms: Mapping[str, MetricValue], centre: float, run_interval: tuple[float, float]
 ) -> tuple[float, float]:
     """Return the interval by the runs, extended to the interval over the pooled cases if this reaches further.
 
@@ -139,15 +139,15 @@ def _extend_interval(
         Values of the terms.
     centre : float
         Value of the expression.
-    by_runs : (float, float)
+    run_interval : (float, float)
         Interval by the runs.
     """
     counts = {len(term.levels) for term in terms.values() if len(term.levels)}
     if len(counts) != 1:
-        return by_runs
+        return run_interval
     n = counts.pop()
     if n < _FEWEST_LEVELS:
-        return by_runs
+        return run_interval
     jackknife_values = {}
     for name, term in terms.items():
         if len(term.levels):
@@ -156,16 +156,16 @@ def _extend_interval(
             means = np.full(n, term.runs.mean())
         jackknife_values[name] = _root(means, term)
     jackknife = np.asarray(expression.evaluate(text, jackknife_values))
-    by_levels = _interval(centre, jackknife, expression.is_product(text))
-    low = float(np.fmin(by_runs[0], by_levels[0]))
-    high = float(np.fmax(by_runs[1], by_levels[1]))
+    level_interval = _interval(centre, jackknife, expression.is_product(text))
+    low = float(np.fmin(run_interval[0], level_interval[0]))
+    high = float(np.fmax(run_interval[1], level_interval[1]))
     return low, high
 
 
 def _jackknife_means(runs: Floats) -> Floats:
     """Return the jackknife means (n_term, n_run): for each run the mean of all other runs."""
-    sum_without = runs.sum(axis=1, keepdims=True) - runs
-    return np.asarray(sum_without / (runs.shape[1] - 1))
+    sum_of_others = runs.sum(axis=1, keepdims=True) - runs
+    return np.asarray(sum_of_others / (runs.shape[1] - 1))
 
 
 def _root(value: Any, term: MetricValue) -> Any:
@@ -203,8 +203,8 @@ def _interval(centre: float, jackknife: Floats, is_product: bool) -> tuple[float
     if not (np.isfinite(centre) and np.all(np.isfinite(jackknife))):
         return np.nan, np.nan
     # A product is closer to log-normal than to normal.
-    by_logarithm = is_product and centre > 0.0 and bool(np.all(jackknife > 0.0))
-    if by_logarithm:
+    is_logarithmic = is_product and centre > 0.0 and bool(np.all(jackknife > 0.0))
+    if is_logarithmic:
         centre = np.log(centre)
         jackknife = np.log(jackknife)
     n = len(jackknife)
@@ -213,7 +213,7 @@ def _interval(centre: float, jackknife: Floats, is_product: bool) -> tuple[float
     half = float(stats.t.isf(0.5 * (1.0 - _LEVEL), n - 1)) * standard_error
     low = centre - half
     high = centre + half
-    if by_logarithm:
+    if is_logarithmic:
         low = np.exp(low)
         high = np.exp(high)
     return float(low), float(high)
@@ -242,13 +242,13 @@ def verdict(value: ExpressionValue, low: float, high: float, tested_by: Sequence
         number = getattr(value, name)
         if np.isnan(number):
             continue
-        least = most = number
+        lowest_number = highest_number = number
         if name == "monte_carlo" and not np.isnan(value.low):
-            least = value.low
-            most = value.high
-        if not (least < low or most > high):
+            lowest_number = value.low
+            highest_number = value.high
+        if not (lowest_number < low or highest_number > high):
             verdicts.add(HOLDS)
-        elif most < low or least > high:
+        elif highest_number < low or lowest_number > high:
             verdicts.add(FAILS)
         else:
             verdicts.add(UNDECIDED)

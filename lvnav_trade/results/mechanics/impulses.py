@@ -82,14 +82,14 @@ def orbit_errors(r_i: ArrayLike, v_i: ArrayLike) -> Floats:
     return np.concatenate([momentum_rows, eccentricity_rows])
 
 
-def control(r_i: ArrayLike, v_i: ArrayLike, places: int = PLACES) -> Floats:
+def control(r_i: ArrayLike, v_i: ArrayLike, n_position: int = PLACES) -> Floats:
     """Return the effect of an impulse on the error of the orbit, at positions along one revolution.
 
     Parameters
     ----------
     r_i, v_i : (3,) array
         Position (m) and velocity (m/s), frame i.
-    places : int
+    n_position : int
         Number of positions, evenly spaced.
 
     Returns
@@ -108,19 +108,19 @@ def control(r_i: ArrayLike, v_i: ArrayLike, places: int = PLACES) -> Floats:
     ey = float(orbit.e_i @ transverse)
 
     # Axes of the orbital plane: towards the position, ahead, normal
-    angle = np.linspace(0.0, 2.0 * np.pi, places, endpoint=False)
+    angle = np.linspace(0.0, 2.0 * np.pi, n_position, endpoint=False)
     c = np.cos(angle)
     s = np.sin(angle)
-    zero = np.zeros(places)
+    zero = np.zeros(n_position)
     radius = h**2 / GM / (1.0 + ex * c + ey * s)
     hodograph = np.stack([-(s + ey), c + ex, zero], axis=1)
     velocity = GM / h * hodograph
     radial = np.stack([c, s, zero], axis=1)
     ahead = np.stack([-s, c, zero], axis=1)
-    normals = np.broadcast_to([0.0, 0.0, 1.0], (places, 3))
+    normals = np.broadcast_to([0.0, 0.0, 1.0], (n_position, 3))
     momentum = np.array([0.0, 0.0, h])
 
-    effect = np.empty((places, 5, 3))
+    effect = np.empty((n_position, 5, 3))
     for k, impulse in enumerate((radial, ahead, normals)):
         # dh = r x dv and de = (dv x h + v x dh) / GM
         momentum_change = radius[:, None] * np.cross(radial, impulse)
@@ -131,14 +131,14 @@ def control(r_i: ArrayLike, v_i: ArrayLike, places: int = PLACES) -> Floats:
     return effect
 
 
-def least(error: ArrayLike, pushes: Floats, tolerance: float = 5e-3) -> Correction:
+def least_correction(error: ArrayLike, impulse_effects: Floats, tolerance: float = 5e-3) -> Correction:
     """Return the least delta-v that nulls errors of the orbit.
 
     Parameters
     ----------
     error : (n, 5) array
         Errors of the orbit, as `orbit_errors`.
-    pushes : (m, 5, 3) array
+    impulse_effects : (m, 5, 3) array
         Effects B_k of an impulse at each position, as `control`.
     tolerance : float
         Largest relative difference of delta-v and bound at which the iteration ends.
@@ -157,37 +157,39 @@ def least(error: ArrayLike, pushes: Floats, tolerance: float = 5e-3) -> Correcti
     corrections = []
     for k in range(0, len(error), _CHUNK):
         chunk = error[k : k + _CHUNK]
-        corrections.append(_iterate(chunk, pushes, tolerance))
+        corrections.append(_iterate(chunk, impulse_effects, tolerance))
     return Correction(
         delta_v=np.concatenate([correction.delta_v for correction in corrections]),
         bound=np.concatenate([correction.bound for correction in corrections]),
     )
 
 
-def _iterate(error: Floats, pushes: Floats, tolerance: float) -> Correction:
-    """Return the solutions of `least` for errors (n, 5); errors that have converged are dropped from the iteration.
+def _iterate(error: Floats, impulse_effects: Floats, tolerance: float) -> Correction:
+    """Return the solutions of `least_correction` for errors (n, 5).
+
+    Errors that have converged are dropped from the iteration.
 
     Parameters
     ----------
     error : (n, 5) array
         Errors of the orbit, as `orbit_errors`.
-    pushes : (m, 5, 3) array
+    impulse_effects : (m, 5, 3) array
         Effects B_k of an impulse at each position, as `control`.
     tolerance : float
         Largest relative difference of delta-v and bound at which the iteration ends.
     """
     n = len(error)
-    m = len(pushes)
-    pushes_by_axis = np.concatenate([pushes[:, :, axis] for axis in range(3)])  # (3 m, 5)
-    products = np.einsum("kij,klj->ilk", pushes, pushes)
+    m = len(impulse_effects)
+    effects_by_axis = np.concatenate([impulse_effects[:, :, axis] for axis in range(3)])  # (3 m, 5)
+    products = np.einsum("kij,klj->ilk", impulse_effects, impulse_effects)
     squares = products.reshape(25, m)  # B_k B_k'
 
     # The problem scales with the error: unit errors are solved.
     size = np.linalg.norm(error, axis=1)
-    nonzero = size > 0.0
-    nonzero_error = np.where(nonzero[:, None], error, 1.0)
-    nonzero_size = np.where(nonzero, size, 1.0)
-    goal = (nonzero_error / nonzero_size[:, None]).T
+    is_nonzero = size > 0.0
+    nonzero_error = np.where(is_nonzero[:, None], error, 1.0)
+    nonzero_size = np.where(is_nonzero, size, 1.0)
+    unit_errors = (nonzero_error / nonzero_size[:, None]).T
 
     weight = np.full((m, n), 1.0 / m)  # errors are the last axis: every operation runs along it
     best = np.full(n, np.inf)
@@ -195,39 +197,39 @@ def _iterate(error: Floats, pushes: Floats, tolerance: float) -> Correction:
     active = np.arange(n)
     for k in range(_ROUNDS):
         weighted_squares = (squares @ weight).reshape(5, 5, -1)
-        primer = _solve(weighted_squares, goal)
-        component_squares = np.square(pushes_by_axis @ primer).reshape(3, m, -1)
+        primer = _solve(weighted_squares, unit_errors)
+        component_squares = np.square(effects_by_axis @ primer).reshape(3, m, -1)
         length = np.sqrt(np.sum(component_squares, axis=0))  # |B_k' p|
         top = length.max(axis=0)
         weight *= length  # magnitudes of the impulses w_k B_k' p
         delta_v = weight.sum(axis=0)
-        lower_bound = np.sum(primer * goal, axis=0) / top
+        lower_bound = np.sum(primer * unit_errors, axis=0) / top
         best[active] = np.minimum(best[active], delta_v)
         bound[active] = np.maximum(bound[active], lower_bound)
 
         gap = best[active] - bound[active]
-        far = gap > tolerance * best[active]
-        active = active[far]
+        is_unconverged = gap > tolerance * best[active]
+        active = active[is_unconverged]
         if not len(active):
             break
-        goal = goal[:, far]
-        weight = weight[:, far]
+        unit_errors = unit_errors[:, is_unconverged]
+        weight = weight[:, is_unconverged]
         power = _POWERS[k % len(_POWERS)]
         if power > 1:
-            relative_length = length[:, far] / top[far]
+            relative_length = length[:, is_unconverged] / top[is_unconverged]
             weight *= relative_length ** (power - 1)
         weight = weight / weight.sum(axis=0) + _FLOOR
     return Correction(size * best, size * bound)
 
 
-def _solve(square: Floats, right: Floats) -> Floats:
+def _solve(matrices: Floats, right_sides: Floats) -> Floats:
     """Return the solutions of systems of equations, by elimination without pivoting.
 
     Parameters
     ----------
-    square : (k, k, n) array
+    matrices : (k, k, n) array
         Symmetric positive definite matrices, which are overwritten.
-    right : (k, n) array
+    right_sides : (k, n) array
         Right-hand sides.
 
     Returns
@@ -235,20 +237,20 @@ def _solve(square: Floats, right: Floats) -> Floats:
     (k, n) array
         Solutions.
     """
-    x = right.copy()
+    x = right_sides.copy()
     for i in range(len(x)):
         for j in range(i + 1, len(x)):
-            factor = square[i, j] / square[i, i]
-            square[j, j:] -= factor * square[i, j:]
+            factor = matrices[i, j] / matrices[i, i]
+            matrices[j, j:] -= factor * matrices[i, j:]
             x[j] -= factor * x[i]
     for i in reversed(range(len(x))):
-        solved = square[i, i + 1 :] * x[i + 1 :]
-        x[i] -= np.sum(solved, axis=0)
-        x[i] /= square[i, i]
+        terms = matrices[i, i + 1 :] * x[i + 1 :]
+        x[i] -= np.sum(terms, axis=0)
+        x[i] /= matrices[i, i]
     return x
 
 
-def least_at(r_i: ArrayLike, v_i: ArrayLike, error: ArrayLike) -> Correction:
+def least_state_correction(r_i: ArrayLike, v_i: ArrayLike, error: ArrayLike) -> Correction:
     """Return the least delta-v that corrects state errors.
 
     Parameters
@@ -261,10 +263,10 @@ def least_at(r_i: ArrayLike, v_i: ArrayLike, error: ArrayLike) -> Correction:
     Returns
     -------
     Correction
-        Delta-v and bound (n,), m/s; NaN unless the orbit is an ellipse suited to averaging (`Orbit.elliptic`).
+        Delta-v and bound (n,), m/s; NaN unless the orbit is an ellipse suited to averaging (`OrbitVectors.elliptic`).
     """
     error = np.atleast_2d(np.asarray(error, dtype=float))
     if not bool(osculating(r_i, v_i).elliptic):
-        undefined = np.full(len(error), np.nan)
-        return Correction(undefined, undefined)
-    return least(error @ orbit_errors(r_i, v_i).T, control(r_i, v_i))
+        nan_values = np.full(len(error), np.nan)
+        return Correction(nan_values, nan_values)
+    return least_correction(error @ orbit_errors(r_i, v_i).T, control(r_i, v_i))

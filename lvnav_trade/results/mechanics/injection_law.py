@@ -43,8 +43,8 @@ def why_no_law(law: InjectionLaw, quantities: Sequence[str]) -> str:
     quantities : sequence of str
         Names of the quantities, from `INJECTION`.
     """
-    if law.why:
-        return law.why
+    if law.reason:
+        return law.reason
     empty = share_depleted(law)
     if empty > DEPLETED_AT_MOST:
         return f"linear covariance expects {100.0 * empty:.2g} % of the flights to end with an empty stage"
@@ -128,8 +128,8 @@ def apsis_errors(law: InjectionLaw, quantity: str, count: int = QUANTILE_DRAWS) 
     covariance = law.covariance[:, _BASE][:, :, _BASE].sum(axis=0)
     sigmas = np.sqrt(np.diag(covariance))
     target = law.target[_BASE]
-    achieved = target + draws(law.mean[_BASE], covariance, count, sigmas)
-    return _apsis_radius(achieved, APSIDES[quantity]) - _apsis_radius(target, APSIDES[quantity])
+    achieved_orbits = target + draws(law.mean[_BASE], covariance, count, sigmas)
+    return _apsis_radius(achieved_orbits, APSIDES[quantity]) - _apsis_radius(target, APSIDES[quantity])
 
 
 def _apsis_radius(orbit: Floats, sign: float) -> Floats:

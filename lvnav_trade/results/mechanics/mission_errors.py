@@ -42,16 +42,16 @@ class ElementEpochs(NamedTuple):
     """Type and epochs of the orbital elements that are compared.
 
     is_mean : Averaged over a revolution (first order in J2, see `orbits`), or osculating.
-    estimated : s after the event. Epoch of the estimated elements.
-    true : s after the event. Epoch of the true elements.
+    estimated_epoch : s after the event. Epoch of the estimated elements.
+    true_epoch : s after the event. Epoch of the true elements.
     """
 
     is_mean: bool = True
-    estimated: float = 0.0
-    true: float = 0.0
+    estimated_epoch: float = 0.0
+    true_epoch: float = 0.0
 
 
-def resolved(bias: Floats, sigma: ArrayLike) -> Floats:
+def round_bias(bias: Floats, sigma: ArrayLike) -> Floats:
     """Return biases (...,) rounded to a millionth of their sigmas (...,).
 
     Smaller digits are rounding errors, which differ between machines. A bias with zero sigma is unchanged.
@@ -90,8 +90,8 @@ def orbit_errors(state: State, error: Floats) -> dict[str, Floats]:
         True minus estimated elements, SI. The error of the eccentricity vector is (n, 2): along the true ascending
         node, and 90 degrees ahead.
     """
-    estimated = orbits.mean(state.r_i - error[:, 3:], state.v_i - error[:, :3])
-    return _element_differences(mean_orbit(state), estimated)
+    estimated_orbit = orbits.mean(state.r_i - error[:, 3:], state.v_i - error[:, :3])
+    return _element_differences(mean_orbit(state), estimated_orbit)
 
 
 def orbit_errors_at(state: State, error: Floats, epochs: ElementEpochs) -> dict[str, Floats]:
@@ -117,28 +117,28 @@ def orbit_errors_at(state: State, error: Floats, epochs: ElementEpochs) -> dict[
     true epoch minus the estimated elements at the estimated epoch.
     """
     elements = orbits.mean if epochs.is_mean else orbits.osculating
-    r_i, v_i = coast(state.r_i, state.v_i, epochs.true)
-    true = elements(r_i[0], v_i[0])
+    r_i, v_i = coast(state.r_i, state.v_i, epochs.true_epoch)
+    true_orbit = elements(r_i[0], v_i[0])
     estimated_r_i = state.r_i - error[:, 3:]
     estimated_v_i = state.v_i - error[:, :3]
-    estimated_state = coast(estimated_r_i, estimated_v_i, epochs.estimated)
-    estimated = elements(*estimated_state)
-    return _element_differences(true, estimated)
+    estimated_state = coast(estimated_r_i, estimated_v_i, epochs.estimated_epoch)
+    estimated_orbit = elements(*estimated_state)
+    return _element_differences(true_orbit, estimated_orbit)
 
 
-def _element_differences(true: orbits.OrbitVectors, estimated: orbits.OrbitVectors) -> dict[str, Floats]:
+def _element_differences(true_orbit: orbits.OrbitVectors, estimated_orbit: orbits.OrbitVectors) -> dict[str, Floats]:
     """Return the elements of an orbit minus those of n other orbits, as `orbit_errors`."""
     differences: dict[str, Floats] = {}
     for metric in _ORBIT_METRICS[:-1]:
         element = metric.removesuffix("_error")
-        difference = getattr(true, element) - getattr(estimated, element)
+        difference = getattr(true_orbit, element) - getattr(estimated_orbit, element)
         differences[metric] = difference[:, None]
     differences["node_error"] = np.mod(differences["node_error"] + np.pi, 2.0 * np.pi) - np.pi
 
-    node = np.array([np.cos(true.node), np.sin(true.node), 0.0])
-    ahead = np.cross(frames.unit(true.h_i), node)
+    node = np.array([np.cos(true_orbit.node), np.sin(true_orbit.node), 0.0])
+    ahead = np.cross(frames.unit(true_orbit.h_i), node)
     plane = np.stack([node, ahead])
-    differences["eccentricity_vector_error"] = (true.e_i - estimated.e_i) @ plane.T
+    differences["eccentricity_vector_error"] = (true_orbit.e_i - estimated_orbit.e_i) @ plane.T
     return differences
 
 
@@ -174,18 +174,18 @@ def impacts_errors(states: Sequence[State], errors: Sequence[Floats]) -> list[Fl
 
     true = impact(r_i, v_i, angle)
     estimated_e = np.full((len(index), 3), np.nan)
-    falls = np.isfinite(true.fall)[index]
-    if falls.any():
-        k = index[falls]
-        estimated_r_i = r_i[k] - error[falls, 3:]
-        estimated_v_i = v_i[k] - error[falls, :3]
-        estimated = impact(estimated_r_i, estimated_v_i, angle[k], lowest=0.0)
-        estimated_e[falls] = estimated.r_e
+    has_impact = np.isfinite(true.fall)[index]
+    if has_impact.any():
+        k = index[has_impact]
+        estimated_r_i = r_i[k] - error[has_impact, 3:]
+        estimated_v_i = v_i[k] - error[has_impact, :3]
+        estimated_impact = impact(estimated_r_i, estimated_v_i, angle[k], lowest=0.0)
+        estimated_e[has_impact] = estimated_impact.r_e
     point_error = -offsets(true.r_e[index], estimated_e, true.heading[index])
     return np.split(point_error, np.cumsum(counts)[:-1])
 
 
-def signed(state: State, error: Floats, metric: str) -> Floats:
+def metric_errors(state: State, error: Floats, metric: str) -> Floats:
     """Return the error of a mission metric for state errors.
 
     Parameters
@@ -203,7 +203,7 @@ def signed(state: State, error: Floats, metric: str) -> Floats:
         True less estimated, SI; for a correction its delta-v. NaN if the quantity is undefined.
     """
     if metric == "correction_delta_v":
-        return impulses.least_at(state.r_i, state.v_i, error).delta_v[:, None]
+        return impulses.least_state_correction(state.r_i, state.v_i, error).delta_v[:, None]
     if not metric.startswith("impact_error"):
         return orbit_errors(state, error)[metric]
     point_error = impact_errors(state, error)
@@ -230,7 +230,7 @@ def jacobian(state: State, metric: str) -> Floats:
 def _slope(r_i: bytes, v_i: bytes, earth_angle: float, metric: str) -> Floats:
     """Return the derivative (k, 6) of an error at a state, cached for all cases with the same trajectory."""
     state = _cached_state(r_i, v_i, earth_angle)
-    slope = derivative(lambda error: signed(state, error, metric))
+    slope = derivative(lambda error: metric_errors(state, error, metric))
     slope.flags.writeable = False
     return slope
 
@@ -305,7 +305,7 @@ def draws(mean: Floats, covariance: Floats, count: int = DRAWS, sizes: Floats = 
     return np.asarray(mean + normals @ root.T)
 
 
-def near_circular(state: State, covariance: Floats) -> str:
+def near_circular_reason(state: State, covariance: Floats) -> str:
     """Return the reason why the first-order sigma of perigee, apogee and eccentricity is invalid; empty if it is valid.
 
     Their derivative does not exist at a circular orbit. Within three sigma of a circular orbit the errors are not
@@ -322,7 +322,7 @@ def near_circular(state: State, covariance: Floats) -> str:
     return f"the orbit is circular to within {_LEAST_SIGMAS:g} sigma (e = {e:.2g}, sigma {sigma:.2g})"
 
 
-def applies(state: State, metric: str, covariance: Floats) -> str:
+def nonlinearity_reason(state: State, metric: str, covariance: Floats) -> str:
     """Return the reason why first-order covariance does not describe a metric at a state; empty if it does.
 
     Parameters
@@ -335,7 +335,7 @@ def applies(state: State, metric: str, covariance: Floats) -> str:
         Covariance of the errors of velocity (m/s) and position (m), frame i.
     """
     if metric in _NONLINEAR_METRICS:
-        return near_circular(state, covariance)
+        return near_circular_reason(state, covariance)
     if metric == "correction_delta_v":
         return "a sum of impulses is no linear function of the error"
     if not np.isfinite(jacobian(state, metric)).all():
@@ -343,11 +343,11 @@ def applies(state: State, metric: str, covariance: Floats) -> str:
     return ""
 
 
-def drawn_of(state: State, law: ErrorGaussian, metric: str) -> Floats | None:
+def magnitude_sample(state: State, law: ErrorGaussian, metric: str) -> Floats | None:
     """Return sorted magnitudes of perigee, apogee or eccentricity errors, from draws of the Gaussian of the state
     error.
 
-    The draws pass through the exact relation. They replace the first order where `near_circular` rejects it.
+    The draws pass through the exact relation. They replace the first order where `near_circular_reason` rejects it.
 
     Parameters
     ----------
@@ -375,7 +375,7 @@ def drawn_of(state: State, law: ErrorGaussian, metric: str) -> Floats | None:
     return magnitude
 
 
-def expected_of(state: State, law: ErrorGaussian, metric: str) -> tuple[Floats, Floats] | str:
+def mean_and_covariance(state: State, law: ErrorGaussian, metric: str) -> tuple[Floats, Floats] | str:
     """Return mean and covariance of a mission metric by linear covariance, or the reason why it does not apply.
 
     Parameters
@@ -392,7 +392,7 @@ def expected_of(state: State, law: ErrorGaussian, metric: str) -> tuple[Floats, 
     tuple of (k,) array and (k, k) array, or str
         SI. k is 2 for the impact point and the eccentricity vector, otherwise 1.
     """
-    reason = applies(state, metric, law.true)
+    reason = nonlinearity_reason(state, metric, law.true)
     if reason:
         return reason
     slope = jacobian(state, metric)

@@ -8,7 +8,7 @@ import numpy as np
 
 from lvnav_trade.quantities import frames
 from lvnav_trade.quantities.records import Bools, Floats
-from lvnav_trade.results.tables.read import Tables, once, pick
+from lvnav_trade.results.tables.read import Tables, cache_result, pick
 
 
 class State(NamedTuple):
@@ -43,7 +43,7 @@ class ErrorGaussian(NamedTuple):
     formal: Floats
 
 
-@once
+@cache_result
 def states(tables: Tables, case: str) -> list[State]:
     """Return the stored true states of a case, in stored order.
 
@@ -87,18 +87,18 @@ def state_at(tables: Tables, case: str, event: str) -> State | None:
     return None
 
 
-@once
+@cache_result
 def laws(tables: Tables, case: str) -> list[ErrorGaussian]:
     """Return the Gaussian of velocity and position by linear covariance at each of `states`."""
     rows = pick(tables.joint_covariances, case=case)
-    return laws_in(
+    return error_gaussians(
         mean=rows.mean_si.to_numpy(dtype=float),
         true=rows.true_si2.to_numpy(dtype=float),
         formal=rows.formal_si2.to_numpy(dtype=float),
     )
 
 
-def laws_in(mean: Floats, true: Floats, formal: Floats) -> list[ErrorGaussian]:
+def error_gaussians(mean: Floats, true: Floats, formal: Floats) -> list[ErrorGaussian]:
     """Return the Gaussians stored in columns of length 21 n_state.
 
     Parameters
@@ -180,11 +180,11 @@ def run_errors(tables: Tables, case: str, state: State) -> tuple[Floats, Bools]:
         columns = [f"{quantity}_{axis}_error_{suffix}" for axis in axes.axis[axes.quantity == quantity]]
         return np.asarray(rows[columns].to_numpy(dtype=float))
 
-    failed = rows.failure.to_numpy() != ""
-    return turned(state, components("velocity", "m_per_s"), components("position", "m"), failed)
+    has_failed = rows.failure.to_numpy() != ""
+    return inertial_errors(state, components("velocity", "m_per_s"), components("position", "m"), has_failed)
 
 
-def turned(state: State, velocity: Floats, position: Floats, failed: Bools) -> tuple[Floats, Bools]:
+def inertial_errors(state: State, velocity: Floats, position: Floats, has_failed: Bools) -> tuple[Floats, Bools]:
     """Return state errors in frame i, and which runs failed.
 
     Parameters
@@ -193,7 +193,7 @@ def turned(state: State, velocity: Floats, position: Floats, failed: Bools) -> t
         True state, with the rotation from the reporting axes to frame i.
     velocity, position : (n_run, 3) array
         Errors (m/s and m) in the reporting axes.
-    failed : (n_run,) array of bool
+    has_failed : (n_run,) array of bool
         Failed runs.
 
     Returns
@@ -204,7 +204,7 @@ def turned(state: State, velocity: Floats, position: Floats, failed: Bools) -> t
     velocity_i = velocity @ state.turn.T
     position_i = position @ state.turn.T
     error = np.concatenate([velocity_i, position_i], axis=1)
-    return error, failed | ~np.isfinite(error).all(axis=1)
+    return error, has_failed | ~np.isfinite(error).all(axis=1)
 
 
 def good_errors(tables: Tables, case: str, state: State) -> Floats:
@@ -219,5 +219,5 @@ def good_errors(tables: Tables, case: str, state: State) -> Floats:
     state : State
         True state at an event.
     """
-    error, failed = run_errors(tables, case, state)
-    return error[~failed]
+    error, has_failed = run_errors(tables, case, state)
+    return error[~has_failed]

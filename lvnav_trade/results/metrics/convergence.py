@@ -57,11 +57,11 @@ class ConvergenceTime(Metric):
             return MetricValue(remark="no runs, or no events in this phase")
         scale = scale_of(unit, self.unit) or np.nan
         median = float(np.median(result.times))
-        always = ", half the runs are below the limit throughout" if median == 0.0 else ""
+        limit_remark = ", half the runs are below the limit throughout" if median == 0.0 else ""
         return MetricValue(
-            true=result.expected / scale if reference else np.nan,
+            true=result.lincov_time / scale if reference else np.nan,
             monte_carlo=median / scale,
-            remark=f"median, at {result.n_event} events{always}",
+            remark=f"median, at {result.n_event} events{limit_remark}",
         )
 
 

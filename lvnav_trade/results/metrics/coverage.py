@@ -37,14 +37,14 @@ class Coverage(Metric):
 
     def value(self, tables: Tables, case: str, statement: Mapping[str, Any], unit: str) -> MetricValue:
         """Return the share: formal, by linear covariance and by the runs; for a limit by the runs only."""
-        from lvnav_trade.results.evaluation.coverage import below, covered
+        from lvnav_trade.results.evaluation.coverage import coverage_probability, probability_below_limit
 
         event = event_of(statement)
         limit = statement.get("below")
         if limit is None:
-            formal, true, runs = covered(tables, case, event, self.quantity)
+            formal, true, runs = coverage_probability(tables, case, event, self.quantity)
         else:
-            formal, true, runs = below(tables, case, event, self.quantity, str(limit))
+            formal, true, runs = probability_below_limit(tables, case, event, self.quantity, str(limit))
         return MetricValue(
             formal=formal,
             true=true,

@@ -18,7 +18,17 @@ from lvnav_trade.results.mechanics.injection_law import (
     share_depleted,
     why_no_law,
 )
-from lvnav_trade.results.metric import BOTH, LENGTH, MEAN, ONE_SIDED, TWO_SIDED, Metric, MetricValue, no_fit, scale_of
+from lvnav_trade.results.metric import (
+    BOTH,
+    LENGTH,
+    MEAN,
+    ONE_SIDED,
+    TWO_SIDED,
+    Metric,
+    MetricValue,
+    dimension_message,
+    scale_of,
+)
 from lvnav_trade.results.statistics.case_results import Distribution, Gaussian, Injections, Redraw, RunErrors
 
 if TYPE_CHECKING:
@@ -36,8 +46,8 @@ class _InjectionMetric(Metric):
     """A metric of the injection of each run."""
 
     named_by: ClassVar[str] = BOTH
-    at_events_only: ClassVar[str] = _AT_CUTOFF
-    once_a_run: ClassVar[bool] = True
+    event_only_reason: ClassVar[str] = _AT_CUTOFF
+    has_single_value: ClassVar[bool] = True
 
     @property
     def quantities_of_law(self) -> tuple[str, ...]:
@@ -48,15 +58,15 @@ class _InjectionMetric(Metric):
         """Return the reason if a campaign has no guided ascent; empty if it may have one."""
         return "" if _may_be_guided(campaign) else UNGUIDED
 
-    def law(self, case: CaseResults, requirement: Mapping[str, Any]) -> Distribution | str:
+    def distribution(self, case: CaseResults, requirement: Mapping[str, Any]) -> Distribution | str:
         """Return its distribution by linear covariance, or the reason why there is none."""
         law = case.injection_law()
         if law is None:
             return UNGUIDED
         reason = why_no_law(law, self.quantities_of_law)
-        return reason or self.distribution(law)
+        return reason or self.injection_distribution(law)
 
-    def distribution(self, law: InjectionLaw) -> Distribution:
+    def injection_distribution(self, law: InjectionLaw) -> Distribution:
         """Return its distribution for an injection that linear covariance describes."""
         raise NotImplementedError
 
@@ -72,8 +82,8 @@ class _InjectionMetric(Metric):
         label_factor : float
             Factor from SI to the display unit.
         """
-        no_gaussian = Gaussian(np.empty(0), np.empty((0, 0)), {})
-        return Distribution(no_gaussian, unit, label_unit, label_factor, "injection", drawn=np.sort(size))
+        empty_gaussian = Gaussian(np.empty(0), np.empty((0, 0)), {})
+        return Distribution(empty_gaussian, unit, label_unit, label_factor, "injection", sample=np.sort(size))
 
 
 @dataclass(frozen=True)
@@ -95,7 +105,7 @@ class InjectionError(_InjectionMetric):
         return self.quantities
 
     @property
-    def bounded_as(self) -> str:
+    def bound_type(self) -> str:
         """Kind of bound: the norm of a vector, or a signed number."""
         return LENGTH if len(self.quantities) > 1 else TWO_SIDED
 
@@ -115,7 +125,7 @@ class InjectionError(_InjectionMetric):
         size = self._run_sizes(results)
         law = results.injection_law()
         if scale is None:
-            return MetricValue(remark=no_fit(unit))
+            return MetricValue(remark=dimension_message(unit))
         if size is None and law is None:
             return MetricValue(remark=UNGUIDED)
         true = np.nan
@@ -129,7 +139,7 @@ class InjectionError(_InjectionMetric):
         squares = (size / scale) ** 2
         return MetricValue(true=true, monte_carlo=float(np.sqrt(np.mean(squares))), runs=squares)
 
-    def distribution(self, law: InjectionLaw) -> Distribution:
+    def injection_distribution(self, law: InjectionLaw) -> Distribution:
         """Return its Gaussian with the contribution of each source.
 
         Near a circular orbit, perigee and apogee are distributed as draws through the exact relation.
@@ -138,11 +148,11 @@ class InjectionError(_InjectionMetric):
 
             def sample(sources: Sequence[str], factor: float) -> Floats:
                 """Return sorted magnitudes with the sigmas of sources multiplied by a factor."""
-                scaled = scaled_law(law, sources, factor)
-                return np.sort(np.abs(apsis_errors(scaled, self.quantities[0])))
+                sample_law = scaled_law(law, sources, factor)
+                return np.sort(np.abs(apsis_errors(sample_law, self.quantities[0])))
 
-            sampled = self.sampled_distribution(sample((), 1.0), self.unit, self.label_unit, self.label_factor)
-            return sampled._replace(redraw=Redraw(law.sources, sample))
+            distribution = self.sampled_distribution(sample((), 1.0), self.unit, self.label_unit, self.label_factor)
+            return distribution._replace(redraw=Redraw(law.sources, sample))
         k = np.array([INJECTION.index(name) for name in self.quantities])
         source_covariances = law.covariance[:, k][:, :, k]
         gaussian = Gaussian(
@@ -158,7 +168,7 @@ class InjectionError(_InjectionMetric):
     def _root_mean_square(self, law: InjectionLaw) -> float:
         if self._is_sampled(law):
             return float(np.sqrt(np.mean(apsis_errors(law, self.quantities[0]) ** 2)))
-        gaussian = self.distribution(law).law
+        gaussian = self.injection_distribution(law).law
         return float(np.sqrt(np.trace(gaussian.covariance) + gaussian.mean @ gaussian.mean))
 
     def _run_sizes(self, case: CaseResults) -> Floats | None:
@@ -170,7 +180,7 @@ class InjectionError(_InjectionMetric):
                 return None
             injections.append(runs)
         size = np.sqrt(np.sum([runs.error**2 for runs in injections], axis=0))
-        return np.where(injections[0].injected & np.isfinite(size), size, np.inf)
+        return np.where(injections[0].is_injected & np.isfinite(size), size, np.inf)
 
 
 @dataclass(frozen=True)
@@ -183,7 +193,7 @@ class Depletion(_InjectionMetric):
     average: ClassVar[str] = MEAN
 
     @property
-    def bounded_as(self) -> str:
+    def bound_type(self) -> str:
         """Kind of bound: a number without sign."""
         return ONE_SIDED
 
@@ -193,7 +203,7 @@ class Depletion(_InjectionMetric):
         if runs is None:
             return None
         is_depleted = runs.outcome == OUTCOMES[1]
-        size = np.where(runs.injected, 0.0, np.where(is_depleted, 1.0, np.inf))
+        size = np.where(runs.is_injected, 0.0, np.where(is_depleted, 1.0, np.inf))
         return RunErrors(size, self.unit, "%", 100.0)
 
     def value(self, tables: Tables, case: str, statement: Mapping[str, Any], unit: str) -> MetricValue:
@@ -222,7 +232,7 @@ class Depletion(_InjectionMetric):
             is_share=True,
         )
 
-    def distribution(self, law: InjectionLaw) -> Distribution:
+    def injection_distribution(self, law: InjectionLaw) -> Distribution:
         """Return zeros and ones in the proportion of empty stages by linear covariance."""
         size = np.zeros(_GRID)
         n_depleted = round(share_depleted(law) * _GRID)
@@ -240,7 +250,7 @@ class ExtraPropellant(_InjectionMetric):
     average: ClassVar[str] = MEAN
 
     @property
-    def bounded_as(self) -> str:
+    def bound_type(self) -> str:
         """Kind of bound: a number without sign."""
         return ONE_SIDED
 
@@ -248,10 +258,10 @@ class ExtraPropellant(_InjectionMetric):
         """Return the additional propellant (kg) of every run."""
         runs = _run_ends(case)
         law = case.injection_law()
-        if runs is None or law is None or law.why:
+        if runs is None or law is None or law.reason:
             return None
-        extra = np.maximum(0.0, law.reference[_PROPELLANT] - runs.left)
-        size = np.where(runs.injected & np.isfinite(extra), extra, np.inf)
+        extra = np.maximum(0.0, law.reference[_PROPELLANT] - runs.remaining_propellant)
+        size = np.where(runs.is_injected & np.isfinite(extra), extra, np.inf)
         return RunErrors(size, self.unit, "kg", 1.0)
 
     def value(self, tables: Tables, case: str, statement: Mapping[str, Any], unit: str) -> MetricValue:
@@ -263,7 +273,7 @@ class ExtraPropellant(_InjectionMetric):
         law = results.injection_law()
         run_errors = self.errors(results, statement)
         if scale is None:
-            return MetricValue(remark=no_fit(unit))
+            return MetricValue(remark=dimension_message(unit))
         if law is None:
             return MetricValue(remark=UNGUIDED)
         reason = why_no_law(law, self.quantities_of_law)
@@ -273,10 +283,10 @@ class ExtraPropellant(_InjectionMetric):
             true = float(np.mean(self._law_sizes(law))) / scale
         if run_errors is None:
             return MetricValue(true=true, remark=reason, is_root=False)
-        extra = run_errors.size / scale
+        extra = run_errors.magnitude / scale
         return MetricValue(true=true, monte_carlo=float(extra.mean()), runs=extra, is_root=False)
 
-    def distribution(self, law: InjectionLaw) -> Distribution:
+    def injection_distribution(self, law: InjectionLaw) -> Distribution:
         """Return the Gaussian of the additional propellant, censored at zero."""
         return self.sampled_distribution(self._law_sizes(law), self.unit, "kg", 1.0)
 
@@ -292,7 +302,7 @@ class ExtraPropellant(_InjectionMetric):
 class AtCutoff(Metric):
     """Mean of cut-off time or residual propellant over the runs that reach their cut-off.
 
-    field : Field of `Injections`: t, or left.
+    field : Field of `Injections`: t, or remaining_propellant.
     """
 
     field: str = "t"
@@ -308,7 +318,7 @@ class AtCutoff(Metric):
         runs = _run_ends(results)
         law = results.injection_law()
         if scale is None:
-            return MetricValue(remark=no_fit(unit))
+            return MetricValue(remark=dimension_message(unit))
         if runs is None and law is None:
             return MetricValue(remark=UNGUIDED)
         true = np.nan
@@ -317,9 +327,9 @@ class AtCutoff(Metric):
             reason = why_no_law(law, (self.name,))
             if not reason:
                 true = float(law.mean[INJECTION.index(self.name)]) / scale
-        if runs is None or not runs.injected.any():
+        if runs is None or not runs.is_injected.any():
             return MetricValue(true=true, remark=reason, is_root=False)
-        values = getattr(runs, self.field)[runs.injected] / scale
+        values = getattr(runs, self.field)[runs.is_injected] / scale
         return MetricValue(true=true, monte_carlo=float(values.mean()), runs=values, is_root=False)
 
 
@@ -360,5 +370,5 @@ METRICS: tuple[Metric, ...] = (
     Depletion("depletion", "dimensionless", "fraction of guided ascents whose last stage is empty before cut-off"),
     ExtraPropellant("extra_propellant", "kg", "propellant burnt by guided ascents beyond the reference flight"),
     AtCutoff("cutoff_time", "s", "time of the last cut-off of guided ascents, since lift-off", "t"),
-    AtCutoff("propellant_left", "kg", "propellant left in the last stage of guided ascents", "left"),
+    AtCutoff("propellant_left", "kg", "propellant left in the last stage of guided ascents", "remaining_propellant"),
 )

@@ -17,11 +17,11 @@ from lvnav_trade.results.metric import (
     TWO_SIDED,
     Metric,
     MetricValue,
+    dimension_message,
     event_of,
-    no_fit,
     scale_of,
 )
-from lvnav_trade.results.statistics.case_results import Distribution, Gaussian, RunErrors, number_in
+from lvnav_trade.results.statistics.case_results import Distribution, Gaussian, RunErrors, parse_number
 
 if TYPE_CHECKING:
     from lvnav_trade.results.mechanics.mission_errors import ElementEpochs
@@ -47,7 +47,7 @@ class MissionError(Metric):
     label_factor: float = 1.0
 
     named_by: ClassVar[str] = BOTH
-    at_events_only: ClassVar[str] = "a number of the orbit"
+    event_only_reason: ClassVar[str] = "a number of the orbit"
 
     @property
     def has_epoch(self) -> bool:
@@ -55,7 +55,7 @@ class MissionError(Metric):
         return self.name not in _WITHOUT_ELEMENTS
 
     @property
-    def bounded_as(self) -> str:
+    def bound_type(self) -> str:
         """Kind of bound: the norm of a vector and the magnitude of a correction, or a signed number."""
         return LENGTH if self.name in _LENGTHS else TWO_SIDED
 
@@ -65,7 +65,7 @@ class MissionError(Metric):
 
         scale = scale_of(unit, self.unit)
         if scale is None:
-            return MetricValue(remark=no_fit(unit))
+            return MetricValue(remark=dimension_message(unit))
         size = sizes_at(CaseTables(tables, case), event_of(statement), self.name, epochs_of(statement))
         if size is None or not len(size):
             return MetricValue(remark=MISSING)
@@ -76,12 +76,12 @@ class MissionError(Metric):
         """Return the metric and its event, with type and epochs of the elements unless they are the defaults."""
         epochs = epochs_of(statement)
         element_type = "" if epochs.is_mean else ", osculating"
-        later = f" + {epochs.estimated:g} s" if epochs.estimated else ""
-        if epochs.true != epochs.estimated:
-            apart = f", true elements at + {epochs.true:g} s"
+        epoch_text = f" + {epochs.estimated_epoch:g} s" if epochs.estimated_epoch else ""
+        if epochs.true_epoch != epochs.estimated_epoch:
+            true_epoch_text = f", true elements at + {epochs.true_epoch:g} s"
         else:
-            apart = ""
-        return f"{super().label(statement)}{later}{element_type}{apart}"
+            true_epoch_text = ""
+        return f"{super().label(statement)}{epoch_text}{element_type}{true_epoch_text}"
 
     def errors(self, case: CaseResults, requirement: Mapping[str, Any]) -> RunErrors | None:
         """Return the magnitude of the error of every run at an event."""
@@ -90,34 +90,34 @@ class MissionError(Metric):
             return None
         return RunErrors(size, self.unit, self.label_unit, self.label_factor)
 
-    def law(self, case: CaseResults, requirement: Mapping[str, Any]) -> Distribution | str:
+    def distribution(self, case: CaseResults, requirement: Mapping[str, Any]) -> Distribution | str:
         """Return the Gaussian to first order, or the distribution of draws through the exact relation if that is
         invalid.
         """
         event = event_of(requirement)
-        expected = expected_at(case, event, self.name)
+        moments_or_reason = mean_and_covariance_at(case, event, self.name)
         draws = None
-        if isinstance(expected, tuple):
-            mean, covariance = expected
+        if isinstance(moments_or_reason, tuple):
+            mean, covariance = moments_or_reason
             gaussian = Gaussian(mean, covariance, {})
         else:
-            draws = drawn_at(case, event, self.name)
+            draws = magnitude_sample_at(case, event, self.name)
             if draws is None:
-                return expected or NO_LAW
+                return moments_or_reason or NO_LAW
             gaussian = Gaussian(np.empty(0), np.empty((0, 0)), {})
-        return Distribution(gaussian, self.unit, self.label_unit, self.label_factor, event, drawn=draws)
+        return Distribution(gaussian, self.unit, self.label_unit, self.label_factor, event, sample=draws)
 
 
 def epochs_of(statement: Mapping[str, Any]) -> ElementEpochs:
     """Return type and epochs of the elements in a statement; by default mean elements at its event."""
     from lvnav_trade.results.mechanics.mission_errors import ElementEpochs
 
-    estimated = number_in(statement.get("epoch") or 0.0, "s")
+    estimated_epoch = parse_number(statement.get("epoch") or 0.0, "s")
     reference = statement.get("reference_epoch")
     return ElementEpochs(
         is_mean=statement.get("elements", "mean") == "mean",
-        estimated=estimated,
-        true=estimated if reference is None else number_in(reference, "s"),
+        estimated_epoch=estimated_epoch,
+        true_epoch=estimated_epoch if reference is None else parse_number(reference, "s"),
     )
 
 
@@ -128,44 +128,44 @@ def sizes_at(case: CaseResults, event: str, metric: str, epochs: ElementEpochs |
 
     epochs : type and epochs of the orbital elements; None for mean elements at the event
     """
-    from lvnav_trade.results.mechanics.mission_errors import ElementEpochs, orbit_errors_at, signed
-    from lvnav_trade.results.mechanics.stored_states import turned
+    from lvnav_trade.results.mechanics.mission_errors import ElementEpochs, metric_errors, orbit_errors_at
+    from lvnav_trade.results.mechanics.stored_states import inertial_errors
 
     state = case.state(event)
     if state is None:
         return None
     velocity = case.errors(event, "velocity")
     position = case.errors(event, "position")
-    error, failed = turned(state, velocity, position, case.failed(event))
+    error, has_failed = inertial_errors(state, velocity, position, case.has_failed(event))
     size = np.full(len(error), np.inf)
-    if not failed.all():
-        good_error = error[~failed]
+    if not has_failed.all():
+        good_error = error[~has_failed]
         if epochs is None or epochs == ElementEpochs():
-            metric_error = signed(state, good_error, metric)
+            metric_error = metric_errors(state, good_error, metric)
         else:
             metric_error = orbit_errors_at(state, good_error, epochs)[metric]
-        size[~failed] = np.linalg.norm(metric_error, axis=1)
+        size[~has_failed] = np.linalg.norm(metric_error, axis=1)
     return np.where(np.isfinite(size), size, np.inf)
 
 
-def drawn_at(case: CaseResults, event: str, metric: str) -> Floats | None:
-    """Return `mission_errors.drawn_of` at an event; None if the state there is not stored."""
-    from lvnav_trade.results.mechanics.mission_errors import drawn_of
+def magnitude_sample_at(case: CaseResults, event: str, metric: str) -> Floats | None:
+    """Return `mission_errors.magnitude_sample` at an event; None if the state there is not stored."""
+    from lvnav_trade.results.mechanics.mission_errors import magnitude_sample
 
     state = case.state(event)
     if state is None:
         return None
-    return drawn_of(state, case.joint(event), metric)
+    return magnitude_sample(state, case.joint(event), metric)
 
 
-def expected_at(case: CaseResults, event: str, metric: str) -> tuple[Floats, Floats] | str | None:
-    """Return `mission_errors.expected_of` at an event; None if the state there is not stored."""
-    from lvnav_trade.results.mechanics.mission_errors import expected_of
+def mean_and_covariance_at(case: CaseResults, event: str, metric: str) -> tuple[Floats, Floats] | str | None:
+    """Return `mission_errors.mean_and_covariance` at an event; None if the state there is not stored."""
+    from lvnav_trade.results.mechanics.mission_errors import mean_and_covariance
 
     state = case.state(event)
     if state is None:
         return None
-    return expected_of(state, case.joint(event), metric)
+    return mean_and_covariance(state, case.joint(event), metric)
 
 
 def _error(name: str, unit: str, label: str, factor: float, meaning: str) -> MissionError:

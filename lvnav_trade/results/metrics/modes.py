@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from lvnav_trade.quantities.records import MODES, Floats
-from lvnav_trade.results.metric import MEAN, MEDIAN, NOT_IN_FLIGHT, Metric, MetricValue, no_fit, scale_of
+from lvnav_trade.results.metric import MEAN, MEDIAN, NOT_IN_FLIGHT, Metric, MetricValue, dimension_message, scale_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -25,7 +25,7 @@ class ModeNumber(Metric):
     """A number of every run, whose median over the runs is reported."""
 
     average: ClassVar[str] = MEDIAN
-    is_of_modes: ClassVar[bool] = True
+    names_mode: ClassVar[bool] = True
 
     def faults(self, statement: Any) -> Iterator[str]:
         """Yield input errors: the metric needs a mode and a phase, and a duration has no transitions to select."""
@@ -41,10 +41,10 @@ class ModeNumber(Metric):
         numbers = mode_numbers(tables, case, statement)
         scale = scale_of(unit, self.unit)
         if scale is None:
-            return MetricValue(remark=no_fit(unit))
+            return MetricValue(remark=dimension_message(unit))
         if not np.all(np.isfinite(numbers)):
             return MetricValue(remark=NOT_IN_FLIGHT)
-        return MetricValue(monte_carlo=float(np.median(numbers)) / scale, remark=spread_of(numbers / scale))
+        return MetricValue(monte_carlo=float(np.median(numbers)) / scale, remark=spread_text(numbers / scale))
 
     def label(self, statement: Mapping[str, Any]) -> str:
         """Return the label, such as ``2. aiding entry_time (data again), liftoff to injection``."""
@@ -136,7 +136,7 @@ def _duration(transitions: pd.DataFrame, mode: str, first: float, last: float) -
     return float(np.diff(edges)[modes == mode].sum())
 
 
-def spread_of(numbers: Floats) -> str:
+def spread_text(numbers: Floats) -> str:
     """Return the range of the numbers of the runs in words."""
     if np.ptp(numbers) == 0.0:
         return f"the same in all {len(numbers)} runs"

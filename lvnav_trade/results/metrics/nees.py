@@ -38,7 +38,7 @@ class Nees(Metric):
 
         results = CaseTables(tables, case)
         first, last = phase(tables, case, str(statement["during"]))
-        expected = []
+        expected_nees = []
         squares = []
         for event, t in results.events().items():
             if not first - SAME_TIME <= t <= last + SAME_TIME:
@@ -50,18 +50,18 @@ class Nees(Metric):
             weight = np.linalg.inv(formal) / len(formal)
             # E[e' W e] = trace(W E[e e'])
             second_moment = true.covariance + np.outer(true.mean, true.mean)
-            expected.append(float(np.trace(weight @ second_moment)))
+            expected_nees.append(float(np.trace(weight @ second_moment)))
             errors = results.errors(event, self.quantity)
             event_squares = np.einsum("ri,ij,rj->r", errors, weight, errors)
-            squares.append(np.where(results.failed(event), np.inf, event_squares))
-        if not expected:
+            squares.append(np.where(results.has_failed(event), np.inf, event_squares))
+        if not expected_nees:
             return MetricValue(remark="no event with a covariance in this phase")
         run_means = np.mean(squares, axis=0)
         return MetricValue(
             formal=1.0,
-            true=float(np.mean(expected)),
+            true=float(np.mean(expected_nees)),
             monte_carlo=float(np.mean(run_means)) if len(run_means) else np.nan,
-            remark=f"at {len(expected)} events",
+            remark=f"at {len(expected_nees)} events",
             runs=run_means,
             is_root=False,
         )

@@ -40,10 +40,10 @@ class NormalisedError(Metric):
     quantity: str = ""
 
     named_by: ClassVar[str] = REQUIREMENTS
-    at_events_only: ClassVar[str] = "compared with the filter's covariance"
+    event_only_reason: ClassVar[str] = "compared with the filter's covariance"
 
     @property
-    def bounded_as(self) -> str:
+    def bound_type(self) -> str:
         """Kind of bound: a norm, in units of the filter's sigma."""
         return LENGTH
 
@@ -58,11 +58,11 @@ class NormalisedError(Metric):
 
         results = CaseTables(tables, case)
         errors = self.errors(results, statement)
-        distribution = self.law(results, statement)
+        distribution = self.distribution(results, statement)
         if errors is None or isinstance(distribution, str):
             return MetricValue(remark=MISSING)
         gaussian = distribution.law
-        squares = errors.size**2
+        squares = errors.magnitude**2
         return MetricValue(
             formal=1.0,
             true=float(np.sqrt(np.trace(gaussian.covariance) + gaussian.mean @ gaussian.mean)),
@@ -79,11 +79,11 @@ class NormalisedError(Metric):
         if W is None or errors.shape[1] != len(W):
             return None
         size = np.linalg.norm(errors @ W.T, axis=1)
-        is_infinite = case.failed(event) | ~np.isfinite(size)
+        is_infinite = case.has_failed(event) | ~np.isfinite(size)
         size = np.where(is_infinite, np.inf, size)
         return RunErrors(size, SIGMAS, SIGMAS, 1.0)
 
-    def law(self, case: CaseResults, requirement: Mapping[str, Any]) -> Distribution | str:
+    def distribution(self, case: CaseResults, requirement: Mapping[str, Any]) -> Distribution | str:
         """Return the Gaussian of the three components whose norm is the error."""
         event = event_of(requirement)
         W = whitening(case.formal(event, self.quantity))
@@ -98,12 +98,12 @@ class NormalisedError(Metric):
         return Distribution(gaussian, SIGMAS, SIGMAS, 1.0, event)
 
 
-def whitening(assumed: Floats | None) -> Floats | None:
+def whitening(formal_covariance: Floats | None) -> Floats | None:
     """Return the matrix that normalises an error.
 
     Parameters
     ----------
-    assumed : (3, 3) array or None
+    formal_covariance : (3, 3) array or None
         Formal covariance P.
 
     Returns
@@ -111,13 +111,13 @@ def whitening(assumed: Floats | None) -> Floats | None:
     (3, 3) array or None
         W with W' W = P^-1 / 3; None if P is not available or singular.
     """
-    if assumed is None or not np.isfinite(assumed).all():
+    if formal_covariance is None or not np.isfinite(formal_covariance).all():
         return None
     try:
-        factor = np.linalg.cholesky(assumed)
+        factor = np.linalg.cholesky(formal_covariance)
     except np.linalg.LinAlgError:
         return None
-    return np.asarray(np.linalg.inv(factor) / np.sqrt(len(assumed)))
+    return np.asarray(np.linalg.inv(factor) / np.sqrt(len(formal_covariance)))
 
 
 METRICS = tuple(

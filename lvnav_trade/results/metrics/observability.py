@@ -16,11 +16,11 @@ if TYPE_CHECKING:
 class Rank(Metric):
     """Smallest rank in any segment of a flight; equal in every run.
 
-    with_information : Whether a singular value must exceed the tolerance of the results, rather than rounding errors
-        only.
+    is_information_rank : Whether the rank counts the singular values above the tolerance of the results, rather than
+        above rounding errors only.
     """
 
-    with_information: bool = False
+    is_information_rank: bool = False
 
     def value(self, tables: Tables, case: str, statement: Mapping[str, Any], unit: str) -> MetricValue:
         """Return the rank, and the threshold above which a singular value counts."""
@@ -31,7 +31,7 @@ class Rank(Metric):
         if ranks.empty:
             return MetricValue(remark=MISSING)
         row = ranks.iloc[0]
-        if not self.with_information:
+        if not self.is_information_rank:
             remark = f"{row.stretches} stretches, singular values above {NUMERICAL:g} of the largest"
             return MetricValue(true=float(row.least_rank), remark=remark)
         tolerance = float(pick(tables.observability, case=case).tolerance_ratio.iloc[0])
@@ -52,6 +52,6 @@ METRICS = (
         "informed_states",
         "-",
         "smallest number of states with information above the tolerance in any interval",
-        with_information=True,
+        is_information_rank=True,
     ),
 )

@@ -10,7 +10,7 @@ import numpy as np
 
 from lvnav_trade.quantities.state_layout import PROTECTED
 from lvnav_trade.quantities.units import parse
-from lvnav_trade.results.metric import BOTH, MEDIAN, Metric, MetricValue, event_of, no_fit, scale_of
+from lvnav_trade.results.metric import BOTH, MEDIAN, Metric, MetricValue, dimension_message, event_of, scale_of
 from lvnav_trade.results.statistics.case_results import Distribution, RunErrors
 
 if TYPE_CHECKING:
@@ -48,22 +48,22 @@ class ProtectionLevel(Metric):
 
         scale = scale_of(unit, self.unit)
         if scale is None:
-            return MetricValue(remark=no_fit(unit))
-        during = str(statement.get("during") or "")
-        level = CaseTables(tables, case).protection_level(self.quantity, event_of(statement), during)
+            return MetricValue(remark=dimension_message(unit))
+        phase_text = str(statement.get("during") or "")
+        level = CaseTables(tables, case).protection_level(self.quantity, event_of(statement), phase_text)
         return MetricValue(true=level / scale, remark="" if np.isfinite(level) else _NONE)
 
     def errors(self, case: CaseResults, requirement: Mapping[str, Any]) -> RunErrors | None:
         """Return the level as the error of every run: equal in all runs, infinite in a run that failed."""
-        during = str(requirement.get("during") or "")
-        level = case.protection_level(self.quantity, event_of(requirement), during)
+        phase_text = str(requirement.get("during") or "")
+        level = case.protection_level(self.quantity, event_of(requirement), phase_text)
         output = case.output(self.quantity, "3d")
         if not np.isfinite(level) or output is None:
             return None
         size = np.where(case.failed_runs(), np.inf, level)
         return RunErrors(size, self.unit, output.label_unit, output.label_factor)
 
-    def law(self, case: CaseResults, requirement: Mapping[str, Any]) -> Distribution | str:
+    def distribution(self, case: CaseResults, requirement: Mapping[str, Any]) -> Distribution | str:
         """Return the reason: a level has no distribution."""
         return "a protection level is the same in every run"
 
@@ -91,10 +91,10 @@ class Availability(Metric):
 
     def value(self, tables: Tables, case: str, statement: Mapping[str, Any], unit: str) -> MetricValue:
         """Return the share, which is equal in every run."""
-        from lvnav_trade.results.evaluation.protection_levels import series_of
+        from lvnav_trade.results.evaluation.protection_levels import protection_series
         from lvnav_trade.results.statistics.select import phase, rows_between, time_mean
 
-        rows = series_of(tables, case, self.quantity)
+        rows = protection_series(tables, case, self.quantity)
         if len(rows):
             first, last = phase(tables, case, str(statement["during"]))
             rows = rows_between(rows, first, last)

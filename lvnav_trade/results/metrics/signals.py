@@ -8,7 +8,16 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from lvnav_trade.results.metric import MEDIAN, MISSING, NOT_IN_FLIGHT, Metric, MetricValue, event_of, no_fit, scale_of
+from lvnav_trade.results.metric import (
+    MEDIAN,
+    MISSING,
+    NOT_IN_FLIGHT,
+    Metric,
+    MetricValue,
+    dimension_message,
+    event_of,
+    scale_of,
+)
 
 if TYPE_CHECKING:
     from lvnav_trade.results.tables.read import Tables
@@ -24,14 +33,14 @@ class SignalNumber(Metric):
 
     def value(self, tables: Tables, case: str, statement: Mapping[str, Any], unit: str) -> MetricValue:
         """Return the statistic of the signals as the true value, since all runs have the same signals."""
-        from lvnav_trade.results.evaluation.satellite_tracking import values_of
+        from lvnav_trade.results.evaluation.satellite_tracking import signal_values
         from lvnav_trade.results.statistics.per_run import select_times
         from lvnav_trade.results.statistics.select import pick
 
         scale = 1.0 if self.unit == "-" else scale_of(unit, self.unit)
         if scale is None:
-            return MetricValue(remark=no_fit(unit))
-        rows = values_of(tables, case, self.name, statement.get("elevation"), statement.get("altitude"))
+            return MetricValue(remark=dimension_message(unit))
+        rows = signal_values(tables, case, self.name, statement.get("elevation"), statement.get("altitude"))
         values = np.empty(0)
         if len(rows):
             rows = select_times(tables, case, rows, statement)
@@ -49,7 +58,7 @@ class SignalNumber(Metric):
         Parameters
         ----------
         rows : pandas.DataFrame
-            Rows of `satellite_tracking.values_of`.
+            Rows of `satellite_tracking.signal_values`.
         value : (n,) array
             Their values.
         statistic : str
@@ -66,7 +75,7 @@ class SignalNumber(Metric):
 class Delay(SignalNumber):
     """A delay of the signals, or its change between epochs; elevation and altitude select signals."""
 
-    is_of_signals: ClassVar[bool] = True
+    selects_signals: ClassVar[bool] = True
 
 
 @dataclass(frozen=True)
@@ -91,7 +100,7 @@ class Height(SignalNumber):
 class DelayHeight(Height):
     """Altitude at which the change of a delay is largest; elevation and altitude select signals."""
 
-    is_of_signals: ClassVar[bool] = True
+    selects_signals: ClassVar[bool] = True
 
 
 @dataclass(frozen=True)
@@ -107,7 +116,7 @@ class ReacquisitionTime(Metric):
 
         scale = scale_of(unit, self.unit)
         if scale is None:
-            return MetricValue(remark=no_fit(unit))
+            return MetricValue(remark=dimension_message(unit))
         times = reacquisition_times(tables, case, event_of(statement))
         if not len(times):
             return MetricValue(remark=NOT_IN_FLIGHT)

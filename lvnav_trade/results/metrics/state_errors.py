@@ -21,12 +21,12 @@ from lvnav_trade.results.metric import (
     Metric,
     MetricValue,
     SingleValue,
+    dimension_message,
     event_of,
-    no_fit,
+    event_or_phase,
     scale_of,
-    where,
 )
-from lvnav_trade.results.statistics.case_results import Distribution, RunErrors, number_in
+from lvnav_trade.results.statistics.case_results import Distribution, RunErrors, parse_number
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -79,7 +79,7 @@ class StateError(Metric):
     axis: str = NORM
 
     @classmethod
-    def of(cls, name: str, unit: str, meaning: str = "") -> StateError:
+    def from_name(cls, name: str, unit: str, meaning: str = "") -> StateError:
         """Return the metric of a name such as ``gyro_bias_error_x``.
 
         Parameters
@@ -99,7 +99,7 @@ class StateError(Metric):
         return self.axis != NORM
 
     @property
-    def bounded_as(self) -> str:
+    def bound_type(self) -> str:
         """Kind of bound: a norm, or an error along one axis, which is bounded on both sides."""
         return LENGTH if self.axis == NORM else TWO_SIDED
 
@@ -126,11 +126,11 @@ class StateError(Metric):
         scale: float,
     ) -> MetricValue:
         """Return the signed mean over the time of history rows."""
-        from lvnav_trade.results.statistics.per_run import signed
+        from lvnav_trade.results.statistics.per_run import signed_run_errors
         from lvnav_trade.results.statistics.select import time_mean
 
         t = rows.t_s.to_numpy()
-        run_means = signed(tables, case, statement, str(rows.unit.iloc[0])) / scale
+        run_means = signed_run_errors(tables, case, statement, str(rows.unit.iloc[0])) / scale
         return MetricValue(
             true=time_mean(t, rows.lincov_mean_si.to_numpy(dtype=float)) / scale,
             monte_carlo=time_mean(t, rows.mean_si.to_numpy(dtype=float)) / scale,
@@ -147,7 +147,7 @@ class StateError(Metric):
         scale: float,
     ) -> MetricValue:
         """Return the root mean square over the time of history rows."""
-        from lvnav_trade.results.statistics.per_run import of_each
+        from lvnav_trade.results.statistics.per_run import run_values
         from lvnav_trade.results.statistics.select import time_mean
 
         t = rows.t_s.to_numpy()
@@ -160,7 +160,7 @@ class StateError(Metric):
             run_rms = rows.rms_si
         else:
             run_rms = np.nan * rows.rms_si
-        run_roots = of_each(tables, case, statement, str(rows.unit.iloc[0]))
+        run_roots = run_values(tables, case, statement, str(rows.unit.iloc[0]))
         return MetricValue(
             formal=root_mean(rows.lincov_formal_si**2),
             true=root_mean(rows.lincov_true_si**2 + rows.lincov_mean_si**2),
@@ -198,7 +198,7 @@ class StateError(Metric):
             return rows, 1.0, MISSING
         scale = scale_of(unit, str(rows.unit.iloc[0]))
         if scale is None:
-            return rows, 1.0, no_fit(unit)
+            return rows, 1.0, dimension_message(unit)
         rows = select_times(tables, case, rows, statement)
         return rows, scale, NOT_IN_FLIGHT if rows.empty else ""
 
@@ -219,7 +219,7 @@ class StateError(Metric):
         si = str(rows.unit.iloc[0])
         scale = scale_of(unit, si)
         if scale is None:
-            return SingleValue(np.nan, no_fit(unit))
+            return SingleValue(np.nan, dimension_message(unit))
         column = error_column(self.quantity, self.axis, rows.unit.iloc[0])
         largest = per_run(tables, case, statement, column)
         if not len(largest):
@@ -232,29 +232,33 @@ class StateError(Metric):
         rows, scale, remark = self._history_rows(tables, case, statement, unit)
         statistic = str(statement["statistic"])
         if not remark and statistic == "lincov":
-            reason = self._beyond_linear(tables, case, statement, unit)
+            reason = self._large_attitude_reason(tables, case, statement, unit)
             if reason:
                 remark = f"not applicable: {reason}"
         if remark:
             return SingleValue(np.nan, remark)
-        with_runs = bool(rows.run_count.iloc[0])
+        has_runs = bool(rows.run_count.iloc[0])
         column_with_runs, column_without_runs = _SIGMAS[statistic]
-        sigma = rows[column_with_runs if with_runs else column_without_runs]
+        sigma = rows[column_with_runs if has_runs else column_without_runs]
         variance = time_mean(rows.t_s.to_numpy(), (sigma**2).to_numpy())
-        return SingleValue(float(np.sqrt(variance)) / scale, "" if with_runs else "linear covariance")
+        return SingleValue(float(np.sqrt(variance)) / scale, "" if has_runs else "linear covariance")
 
-    def _beyond_linear(self, tables: Tables, case: str, statement: Mapping[str, Any], unit: str) -> str:
+    def _large_attitude_reason(self, tables: Tables, case: str, statement: Mapping[str, Any], unit: str) -> str:
         """Return the reason why linear covariance cannot be compared with a published attitude: an attitude error is
         large.
         """
-        from lvnav_trade.results.evaluation.covariances import LINEAR_ATTITUDE, beyond_at_start, beyond_linear
+        from lvnav_trade.results.evaluation.covariances import (
+            LINEAR_ATTITUDE,
+            initial_tilt_message,
+            large_attitude_message,
+        )
 
-        published = 0.0  # attitude error in rad
+        published_attitude = 0.0  # attitude error in rad
         if self.quantity == "attitude":
-            published = float(statement.get("value", 0.0)) * (scale_of(unit, "rad") or 0.0)
-        if published > LINEAR_ATTITUDE:
-            return beyond_linear(published)
-        return beyond_at_start(tables, case)
+            published_attitude = float(statement.get("value", 0.0)) * (scale_of(unit, "rad") or 0.0)
+        if published_attitude > LINEAR_ATTITUDE:
+            return large_attitude_message(published_attitude)
+        return initial_tilt_message(tables, case)
 
     def errors(self, case: CaseResults, requirement: Mapping[str, Any]) -> RunErrors | None:
         """Return |error| of every run at an event, or its largest value in a phase."""
@@ -268,25 +272,25 @@ class StateError(Metric):
             size = case.sizes(event_of(requirement), self.quantity, self.axis)
         return RunErrors(size, output.unit, output.label_unit, output.label_factor)
 
-    def law(self, case: CaseResults, requirement: Mapping[str, Any]) -> Distribution | str:
+    def distribution(self, case: CaseResults, requirement: Mapping[str, Any]) -> Distribution | str:
         """Return the Gaussian at an event, or at the time of a phase with the smallest probability to meet the limit.
 
         For a phase, the norm needs the covariance of three axes, which is stored at events; the error along one axis is
         evaluated at every time of the history.
         """
-        from lvnav_trade.results.statistics.gaussian import least_kept
+        from lvnav_trade.results.statistics.gaussian import worst_time_gaussian
 
         output = case.output(self.quantity, self.axis)
         if output is None:
             return NO_LAW
-        place = where(requirement)
-        during = bool(requirement.get("during"))
-        if during:
-            limit = number_in(requirement["below"], output.unit)
-            least = least_kept(case, self.quantity, self.axis, place, limit)
-            if least is None:
+        place = event_or_phase(requirement)
+        is_phase = bool(requirement.get("during"))
+        if is_phase:
+            limit = parse_number(requirement["below"], output.unit)
+            worst_law = worst_time_gaussian(case, self.quantity, self.axis, place, limit)
+            if worst_law is None:
                 return NO_LAW
-            gaussian, place = least
+            gaussian, place = worst_law
         else:
             event_gaussian = case.gaussian(place, self.quantity, self.axis)
             if event_gaussian is None:
@@ -298,7 +302,7 @@ class StateError(Metric):
             output.label_unit,
             output.label_factor,
             place,
-            above_only=during,
+            is_upper_limit=is_phase,
         )
 
 
@@ -332,13 +336,13 @@ def error_named(name: str, unit: str = "") -> StateError | None:
         unit = UNITS.get(quantity, "")
     if not unit or not _NAME.fullmatch(name):
         return None
-    return StateError.of(name, unit)
+    return StateError.from_name(name, unit)
 
 
 def state_metric(quantity: str, unit: str) -> StateError:
     """Return the error of a filter state as the list of metrics shows it, where x represents every axis."""
     meaning = f"estimate of {quantity.replace('_', ' ')}, where it is a state"
-    return StateError.of(f"{quantity}_error_x", unit, meaning)
+    return StateError.from_name(f"{quantity}_error_x", unit, meaning)
 
 
 def _navigation_error(quantity: str, axis: str) -> NavigationError:

@@ -17,11 +17,11 @@ from lvnav_trade.results.metric import (
     Metric,
     MetricValue,
     SingleValue,
+    dimension_message,
     event_of,
-    no_fit,
     scale_of,
 )
-from lvnav_trade.results.statistics.case_results import Distribution, Gaussian, RunErrors, finite_sizes
+from lvnav_trade.results.statistics.case_results import Distribution, Gaussian, RunErrors, error_magnitudes
 
 if TYPE_CHECKING:
     from lvnav_trade.results.statistics.case_results import CaseResults
@@ -42,7 +42,7 @@ class TrackError(Metric):
     is_along: bool = True
 
     named_by: ClassVar[str] = BOTH
-    at_events_only: ClassVar[str] = "resolved along the true velocity"
+    event_only_reason: ClassVar[str] = "resolved along the true velocity"
 
     @property
     def is_signed(self) -> bool:
@@ -50,7 +50,7 @@ class TrackError(Metric):
         return True
 
     @property
-    def bounded_as(self) -> str:
+    def bound_type(self) -> str:
         """Kind of bound: an error along one direction is bounded on both sides."""
         return TWO_SIDED
 
@@ -73,11 +73,11 @@ class TrackError(Metric):
         scale = scale_of(unit, self.unit)
         law = self._gaussian(results, event)
         if scale is None:
-            return MetricValue(remark=no_fit(unit))
+            return MetricValue(remark=dimension_message(unit))
         if law is None:
             return MetricValue(remark=MISSING)
         signed_errors = self._signed_errors(results, event)
-        errors = np.where(results.failed(event), np.inf, signed_errors) / scale
+        errors = np.where(results.has_failed(event), np.inf, signed_errors) / scale
         mean = float(law.mean[0]) / scale
         variance = float(law.covariance[0, 0]) / scale**2
         if statement.get("statistic") == "mean":
@@ -116,10 +116,10 @@ class TrackError(Metric):
         event = event_of(requirement)
         if self._direction(case, event) is None:
             return None
-        size = finite_sizes(self._signed_errors(case, event), case.failed(event))
+        size = error_magnitudes(self._signed_errors(case, event), case.has_failed(event))
         return RunErrors(size, self.unit, self.unit, 1.0)
 
-    def law(self, case: CaseResults, requirement: Mapping[str, Any]) -> Distribution | str:
+    def distribution(self, case: CaseResults, requirement: Mapping[str, Any]) -> Distribution | str:
         """Return the Gaussian of the error, with the contribution of each source."""
         event = event_of(requirement)
         gaussian = self._gaussian(case, event)

@@ -10,7 +10,7 @@ from lvnav_trade.kernels.earth import ECCENTRICITY_2, SEMI_MAJOR
 from lvnav_trade.quantities.records import Bools, Floats
 from lvnav_trade.results.mechanics import free_fall, stored_states
 from lvnav_trade.results.mechanics.stored_states import State
-from lvnav_trade.results.statistics.case_results import number_in
+from lvnav_trade.results.statistics.case_results import parse_number
 from lvnav_trade.results.tables.read import Tables
 
 
@@ -32,7 +32,7 @@ def corridor_of(tables: Tables) -> Corridor | None:
     card: dict[str, Any] | None = tables.campaign.get("corridor")
     if not card:
         return None
-    corners = np.array([[number_in(value, "rad") for value in corner] for corner in card["polygon"]])
+    corners = np.array([[parse_number(value, "rad") for value in corner] for corner in card["polygon"]])
     corners[:, 1] = np.unwrap(corners[:, 1])  # an edge takes the shorter way around the Earth
     return Corridor(
         corners=corners,
@@ -110,11 +110,11 @@ def probability(polygon: ArrayLike, mean: ArrayLike, covariance: ArrayLike) -> t
     first = np.sum(start * along, axis=1)
     last = np.sum(end * along, axis=1)
 
-    off_mean = distance != 0.0
-    h = np.abs(distance[off_mean])
-    sign = np.sign(distance[off_mean])
-    a = first[off_mean] / h
-    b = last[off_mean] / h
+    is_off_mean = distance != 0.0
+    h = np.abs(distance[is_off_mean])
+    sign = np.sign(distance[is_off_mean])
+    a = first[is_off_mean] / h
+    b = last[is_off_mean] / h
     angle = np.arctan(b) - np.arctan(a)
     turns = angle / (2.0 * np.pi)
     winding = float(np.sum(sign * turns))
@@ -185,8 +185,8 @@ def outside_runs(tables: Tables, case: str, corridor: Corridor) -> tuple[int, in
     failures = []
     for state in stored_states.states(tables, case):
         if state.event:
-            error, failed = stored_states.run_errors(tables, case, state)
-            failures.append(failed | outside_corridor(state, error, corridor))
+            error, has_failed = stored_states.run_errors(tables, case, state)
+            failures.append(has_failed | outside_corridor(state, error, corridor))
     if not failures:
         return 0, 0
     return int(np.any(failures, axis=0).sum()), len(failures[0])
@@ -216,14 +216,14 @@ def outside_corridor(state: State, error: Floats, corridor: Corridor) -> Bools:
     true = free_fall.impact(state.r_i, state.v_i, state.earth_angle)
     if not np.isfinite(true.fall[0]):
         return is_outside
-    estimated = free_fall.impact(
+    estimated_impact = free_fall.impact(
         state.r_i - error[is_finite, 3:],
         state.v_i - error[is_finite, :3],
         state.earth_angle,
         lowest=0.0,
     )
-    longitude = unwrapped_longitude(estimated.longitude, corridor.corners)
-    points = np.stack([estimated.latitude, longitude], axis=1)
+    longitude = unwrapped_longitude(estimated_impact.longitude, corridor.corners)
+    points = np.stack([estimated_impact.latitude, longitude], axis=1)
     is_outside[is_finite] = ~contains(corridor.corners, points)
     return is_outside
 
@@ -259,8 +259,8 @@ def probability_inside(
     """
     c = np.cos(point.heading)
     s = np.sin(point.heading)
-    north_east = np.array([[c, -s], [s, c]])
+    rotation = np.array([[c, -s], [s, c]])
     true_point = np.array([point.latitude, unwrapped_longitude(point.longitude, corridor.corners)])
     corners_km = (corridor.corners - true_point) * metres(float(point.latitude)) * 1e-3
     regular = 1e-12 * np.eye(2)  # a millimetre, so that the matrix is regular
-    return probability(corners_km, -north_east @ bias, north_east @ covariance @ north_east.T + regular)
+    return probability(corners_km, -rotation @ bias, rotation @ covariance @ rotation.T + regular)

@@ -19,7 +19,7 @@ from lvnav_trade.results.mission.corridor import (
     probability_inside,
 )
 from lvnav_trade.results.statistics.probability import success_verdict
-from lvnav_trade.results.statistics.select import once, pick
+from lvnav_trade.results.statistics.select import cache_result, pick
 from lvnav_trade.results.tables.read import Tables
 
 COLUMNS = [
@@ -83,7 +83,7 @@ def impact(tables: Tables, only: str | None = None) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=COLUMNS)
 
 
-@once
+@cache_result
 def _case_rows(tables: Tables, case: str) -> list[dict[str, Any]]:
     corridor = corridor_of(tables)
     states = stored_states.states(tables, case)
@@ -225,7 +225,7 @@ def _error_columns(
     bias = slope @ law.mean
     sigma = np.sqrt(np.diag(covariance))
     filter_sigma = np.sqrt(np.diag(filter_covariance))
-    bias_km = mission_errors.resolved(bias, sigma)
+    bias_km = mission_errors.round_bias(bias, sigma)
     if sigma.all():
         correlation = covariance[0, 1] / (sigma[0] * sigma[1])
     else:
@@ -279,7 +279,7 @@ def _slopes(r_i: bytes, v_i: bytes, earth_angle: bytes) -> Floats:
         """Return the errors at impact (m, n * 2) of errors (m, 6) at every state."""
         m = len(error)
         state_error = np.repeat(error, n, axis=0)
-        estimated = free_fall.impact(
+        estimated_impact = free_fall.impact(
             np.tile(position, (m, 1)) - state_error[:, 3:],
             np.tile(velocity, (m, 1)) - state_error[:, :3],
             np.tile(theta, m),
@@ -287,7 +287,7 @@ def _slopes(r_i: bytes, v_i: bytes, earth_angle: bytes) -> Floats:
         )
         true_points = np.tile(true.r_e, (m, 1))
         headings = np.tile(true.heading, m)
-        offset = free_fall.offsets(true_points, estimated.r_e, headings)
+        offset = free_fall.offsets(true_points, estimated_impact.r_e, headings)
         return np.asarray(-offset.reshape(m, n * 2))
 
     slopes = mission_errors.derivative(errors).reshape(n, 2, 6) * 1e-3
@@ -295,7 +295,7 @@ def _slopes(r_i: bytes, v_i: bytes, earth_angle: bytes) -> Floats:
     return slopes
 
 
-@once
+@cache_result
 def run_impacts(tables: Tables, case: str) -> dict[str, Floats]:
     """Return the true impact point minus the estimated impact point, for the runs that did not fail.
 

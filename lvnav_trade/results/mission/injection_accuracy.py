@@ -97,7 +97,7 @@ def injection(tables: Tables) -> pd.DataFrame:
         for quantity in ORBIT:
             unit, factor = LABELS[ORBIT_UNITS[quantity]]
             row: dict[str, Any] = {"case": label, "quantity": quantity, "unit": unit, "runs": 0}
-            if quantity in runs and runs[quantity].injected.any():
+            if quantity in runs and runs[quantity].is_injected.any():
                 row |= _run_columns(runs[quantity], factor)
             row |= _expected_columns(law, quantity, factor)
             rows.append(row)
@@ -149,8 +149,8 @@ def _run_columns(runs: Injections, factor: float) -> dict[str, Any]:
     factor : float
         Factor from SI to the display unit.
     """
-    error = runs.error[runs.injected] * factor
-    knowledge = runs.knowledge[runs.injected] * factor
+    error = runs.error[runs.is_injected] * factor
+    knowledge = runs.knowledge[runs.is_injected] * factor
     execution = error - knowledge
     knowledge_sigma = _standard_deviation(knowledge)
     execution_sigma = _standard_deviation(execution)
@@ -240,10 +240,10 @@ def _run_sigma(runs: dict[str, Injections], quantity: str) -> float:
     if quantity == "cutoff_time":
         values = injections.t
     elif quantity == "propellant_left":
-        values = injections.left
+        values = injections.remaining_propellant
     else:
         values = injections.error
-    return _standard_deviation(values[injections.injected])
+    return _standard_deviation(values[injections.is_injected])
 
 
 def cutoff(tables: Tables) -> pd.DataFrame:
@@ -276,10 +276,10 @@ def _end_columns(runs: Injections) -> dict[str, Any]:
     """Return how runs end: counts, share of depletion with its interval, cut-off time and residual propellant."""
     n_run = runs.outcome.size
     n_depleted = int(np.sum(runs.outcome == OUTCOMES[1]))
-    n_injected = int(runs.injected.sum())
+    n_injected = int(runs.is_injected.sum())
     success_low, success_high = success_bounds(n_run, n_depleted, 0.5 + 0.5 * _CONFIDENCE)
-    cutoff_time = runs.t[runs.injected]
-    propellant = runs.left[runs.injected]
+    cutoff_time = runs.t[runs.is_injected]
+    propellant = runs.remaining_propellant[runs.is_injected]
     return {
         "runs": n_run,
         "injected_count": n_injected,
@@ -301,7 +301,7 @@ def _expected_end(law: InjectionLaw | None) -> dict[str, float]:
 
     Columns to which linear covariance does not apply are missing.
     """
-    if law is None or law.why:
+    if law is None or law.reason:
         return {}
     columns = {"lincov_depleted_ratio": share_depleted(law)}
     for quantity, column in (("cutoff_time", "cutoff"), ("propellant_left", "propellant_left")):

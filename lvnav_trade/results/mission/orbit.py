@@ -11,7 +11,7 @@ from lvnav_trade.results.mechanics import impulses, mission_errors, orbits, stor
 from lvnav_trade.results.mechanics.stored_states import ErrorGaussian, State
 from lvnav_trade.results.metrics.mission import MISSION
 from lvnav_trade.results.statistics.probability import holm
-from lvnav_trade.results.statistics.select import final_event, flight_events, once
+from lvnav_trade.results.statistics.select import cache_result, final_event, flight_events
 from lvnav_trade.results.tables.read import Tables
 
 COLUMNS = [
@@ -107,8 +107,8 @@ def orbital_states(tables: Tables, case: str) -> list[State]:
         if not is_final and abs(state.t - last.t) < 1e-6:
             continue
         average = mission_errors.mean_orbit(state)
-        clears_ground = float(average.perigee) > 0.0
-        if clears_ground or (is_final and bool(average.elliptic)):
+        is_above_ground = float(average.perigee) > 0.0
+        if is_above_ground or (is_final and bool(average.elliptic)):
             clear.append(state)
     return clear
 
@@ -136,8 +136,8 @@ def _element_rows(tables: Tables, case: str, state: State) -> list[dict[str, Any
     run_errors = stored_states.good_errors(tables, case, state)
     run_differences = mission_errors.orbit_errors(state, run_errors)
     draw_differences = mission_errors.orbit_errors(state, mission_errors.draws(law.mean, law.true))
-    osculating = values(orbits.osculating(state.r_i, state.v_i))
-    averaged = values(mission_errors.mean_orbit(state))
+    osculating_elements = values(orbits.osculating(state.r_i, state.v_i))
+    mean_elements = values(mission_errors.mean_orbit(state))
 
     rows: list[dict[str, Any]] = []
     for quantity, (metric, component) in QUANTITIES.items():
@@ -146,11 +146,11 @@ def _element_rows(tables: Tables, case: str, state: State) -> list[dict[str, Any
         row: dict[str, Any] = {
             "quantity": quantity,
             "unit": unit,
-            "osculating": _without_residual(osculating[quantity] * factor),
-            "averaged": _without_residual(averaged[quantity] * factor),
+            "osculating": _without_residual(osculating_elements[quantity] * factor),
+            "averaged": _without_residual(mean_elements[quantity] * factor),
             "lincov_q99": _quantile(draw_differences[metric][:, component]) * factor,
             "runs": len(run_errors),
-            "remark": mission_errors.applies(state, metric, law.true),
+            "remark": mission_errors.nonlinearity_reason(state, metric, law.true),
         }
         if not row["remark"]:
             slope = mission_errors.jacobian(state, metric)[component]
@@ -201,7 +201,7 @@ def _first_order_columns(slope: Floats, law: ErrorGaussian, factor: float) -> di
     """
     sigma = float(np.sqrt(slope @ law.true @ slope))
     filter_sigma = float(np.sqrt(slope @ law.formal @ slope))
-    bias = float(mission_errors.resolved(slope @ law.mean, sigma))
+    bias = float(mission_errors.round_bias(slope @ law.mean, sigma))
     return {
         "lincov_sigma": sigma * factor,
         "filter_sigma": filter_sigma * factor,
@@ -218,7 +218,7 @@ def _run_columns(errors: Floats) -> dict[str, float]:
     }
 
 
-@once
+@cache_result
 def normality(tables: Tables) -> pd.DataFrame:
     """Return whether the errors of orbital elements of the runs are Gaussian, at the final event of each case.
 
@@ -236,8 +236,8 @@ def normality(tables: Tables) -> pd.DataFrame:
             if len(run_errors) < _LEAST_RUNS:
                 continue
             tests = _normality_tests(state, run_errors)
-            adjusted = holm([test.p for test in tests.values()])
-            for (quantity, test), p in zip(tests.items(), adjusted, strict=True):
+            adjusted_p = holm([test.p for test in tests.values()])
+            for (quantity, test), p in zip(tests.items(), adjusted_p, strict=True):
                 rows.append(
                     {
                         "case": label,
@@ -293,9 +293,9 @@ def mardia(sample: Floats) -> tuple[float, float, float]:
     (Bonferroni).
     """
     n, k = sample.shape
-    centred = sample - sample.mean(axis=0)
-    covariance = centred.T @ centred / n
-    products = centred @ np.linalg.solve(covariance, centred.T)  # (n, n), x_i' S^-1 x_j
+    deviations = sample - sample.mean(axis=0)
+    covariance = deviations.T @ deviations / n
+    products = deviations @ np.linalg.solve(covariance, deviations.T)  # (n, n), x_i' S^-1 x_j
     skewness = float(np.mean(products**3))
     kurtosis = float(np.mean(np.diagonal(products) ** 2))
     gaussian_kurtosis = k * (k + 2)
@@ -316,7 +316,7 @@ def _quantile(error: Floats) -> float:
     return float(np.quantile(np.abs(error), 0.99))
 
 
-@once
+@cache_result
 def orbit_correction(tables: Tables) -> pd.DataFrame:
     """Return the least delta-v that brings the estimated orbit to the true one, at the last event of `orbit`.
 
@@ -351,7 +351,7 @@ def orbit_correction(tables: Tables) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=CORRECTION)
 
 
-@once
+@cache_result
 def costs(tables: Tables, case: str, event: str) -> dict[str, Floats]:
     """Return the least delta-v of a correction at an event.
 
@@ -381,7 +381,7 @@ def costs(tables: Tables, case: str, event: str) -> dict[str, Floats]:
     position_only = np.repeat([0.0, 1.0], 3)
     masks = np.array([np.ones(6), velocity_only, position_only])[:, None]
     errors = np.concatenate([draws * masks, runs * masks], axis=1)
-    corrections = impulses.least_at(state.r_i, state.v_i, errors.reshape(-1, 6))
+    corrections = impulses.least_state_correction(state.r_i, state.v_i, errors.reshape(-1, 6))
     delta_v = corrections.delta_v.reshape(3, -1)
     cost_by_method = {"linear covariance": delta_v[:, : len(draws)]}
     if len(runs):

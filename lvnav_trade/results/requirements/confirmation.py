@@ -8,10 +8,10 @@ from scipy.stats import binom, ncx2
 
 from lvnav_trade.quantities.records import Floats
 from lvnav_trade.results.evaluation.covariances import why_not_applicable
-from lvnav_trade.results.metric import where
+from lvnav_trade.results.metric import event_or_phase
 from lvnav_trade.results.requirements import improvements as by_covariance
 from lvnav_trade.results.requirements import requirements as by_runs
-from lvnav_trade.results.statistics.select import NAVIGATION, at_time, history_of, once, pick
+from lvnav_trade.results.statistics.select import NAVIGATION, at_time, cache_result, history_of, pick
 from lvnav_trade.results.tables.read import Tables
 
 COLUMNS = [
@@ -34,7 +34,7 @@ TAIL = 1e-3
 NOT_CONFIRMED = "not confirmed"
 
 
-@once
+@cache_result
 def spot_check(tables: Tables) -> pd.DataFrame:
     """Return the comparison of the runs of the spot check with linear covariance; empty if there is no spot check.
 
@@ -54,10 +54,10 @@ def spot_check(tables: Tables) -> pd.DataFrame:
             rows += _requirement_rows(spot_tables, case)
     frame = pd.DataFrame(rows, columns=COLUMNS[:-1])
     inapplicable = {label for case, label in tables.labels.items() if why_not_applicable(tables, case)}
-    applies = ~frame.case.isin(inapplicable)
-    alpha = ALPHA / max(1, int(applies.sum()))  # Bonferroni
+    is_applicable = ~frame.case.isin(inapplicable)
+    alpha = ALPHA / max(1, int(is_applicable.sum()))  # Bonferroni
     verdict = np.where(frame.chance_ratio < alpha, "disagree", "agree")
-    return frame.assign(verdict=np.where(applies, verdict, "not applicable"))
+    return frame.assign(verdict=np.where(is_applicable, verdict, "not applicable"))
 
 
 def _navigation_rows(spot_tables: Tables, case: str) -> list[dict[str, Any]]:
@@ -65,24 +65,24 @@ def _navigation_rows(spot_tables: Tables, case: str) -> list[dict[str, Any]]:
     rows: list[dict[str, Any]] = []
     statistics = []
     errors_by_event = _event_errors(pick(spot_tables.runs, case=case))
-    for quantity, axis in spot_tables.people:
+    for quantity, axis in spot_tables.display_units:
         if quantity not in NAVIGATION or axis == "3d":
             continue
         history = history_of(spot_tables, case, quantity, axis)
         if history.empty:
             continue
-        unit, factor = spot_tables.people[quantity, axis]
+        unit, factor = spot_tables.display_units[quantity, axis]
         for event, (t, errors_by_axis) in errors_by_event.items():
-            expected = at_time(history, t)
+            lincov_row = at_time(history, t)
             errors = errors_by_axis.get(f"{quantity}_{axis}")
-            if errors is None or not expected.lincov_true_si > 0.0:
+            if errors is None or not lincov_row.lincov_true_si > 0.0:
                 continue
             has_failed = not np.isfinite(errors).all()
             if has_failed:
                 rms = np.inf
             else:
                 rms = float(np.sqrt(np.mean(errors**2)))
-            statistics.append((len(errors), expected.lincov_true_si, expected.lincov_mean_si, rms, factor))
+            statistics.append((len(errors), lincov_row.lincov_true_si, lincov_row.lincov_mean_si, rms, factor))
             row = {
                 "case": spot_tables.labels[case],
                 "event": event,
@@ -128,13 +128,13 @@ def _requirement_rows(spot_tables: Tables, case: str) -> list[dict[str, Any]]:
     for requirement in spot_tables.campaign.get("requirements") or ():
         if requirement.get("during"):
             continue
-        law = by_covariance.asked(spot_tables, requirement, case)
+        requirement_case = by_covariance.evaluate_stored_requirement(spot_tables, requirement, case)
         errors = by_runs.errors_of(spot_tables, case, requirement)
-        if isinstance(law, str) or errors is None or not errors.size.size:
+        if isinstance(requirement_case, str) or errors is None or not errors.magnitude.size:
             continue
-        n = errors.size.size
-        beyond = int((errors.size > law.quantile(1.0 - TAIL)).sum())
-        event = where(requirement)
+        n = errors.magnitude.size
+        exceedance_count = int((errors.magnitude > requirement_case.quantile(1.0 - TAIL)).sum())
+        event = event_or_phase(requirement)
         row = {
             "case": spot_tables.labels[case],
             "event": event,
@@ -143,15 +143,15 @@ def _requirement_rows(spot_tables: Tables, case: str) -> list[dict[str, Any]]:
             "runs": n,
             "unit": "",
             "expected": n * TAIL,
-            "found": beyond,
-            "ratio": beyond / (n * TAIL),
-            "chance_ratio": float(binom.sf(beyond - 1, n, TAIL)),
+            "found": exceedance_count,
+            "ratio": exceedance_count / (n * TAIL),
+            "chance_ratio": float(binom.sf(exceedance_count - 1, n, TAIL)),
         }
         rows.append(row)
     return rows
 
 
-def unconfirmed(tables: Tables) -> dict[str, str]:
+def disagreement_texts(tables: Tables) -> dict[str, str]:
     """Return the reason why linear covariance is not confirmed, by label of the case: its least likely row in words."""
     frame = spot_check(tables)
     rows = frame[frame.verdict == "disagree"].sort_values("chance_ratio", kind="stable").drop_duplicates("case")
@@ -170,7 +170,7 @@ def _disagreement_text(row: Any) -> str:
     return f"spot check of {row.runs} runs, {moment}: {result}"
 
 
-@once
+@cache_result
 def verdicts(tables: Tables) -> pd.DataFrame:
     """Return the verdict on every requirement in every case, with its method in the column `by`.
 
@@ -180,29 +180,29 @@ def verdicts(tables: Tables) -> pd.DataFrame:
     their runs.
     """
     frame = by_runs.verdicts(tables)
-    is_refuted = (frame.verdict == "undecided") & frame.case.isin(unconfirmed(tables))
+    is_refuted = (frame.verdict == "undecided") & frame.case.isin(disagreement_texts(tables))
     verdict = frame.verdict.mask(is_refuted, NOT_CONFIRMED)
     frame = frame.assign(verdict=verdict, by="runs")
     keys = ["requirement", "case"]
     lincov = frame[keys].merge(expected_verdicts(tables), on=keys, how="left")
     lincov = lincov.set_index(frame.index)
-    is_unselected = frame.case.isin(by_runs.unselected(tables)) & (frame.verdict == "undecided")
-    decides = is_unselected & lincov.verdict.isin(["met", "violated"])
-    by_lincov = lincov.verdict.notna() & ((frame.runs == 0) | decides)
+    is_unselected = frame.case.isin(by_runs.unselected_cases(tables)) & (frame.verdict == "undecided")
+    is_decided = is_unselected & lincov.verdict.isin(["met", "violated"])
+    is_by_lincov = lincov.verdict.notna() & ((frame.runs == 0) | is_decided)
     for name in ("verdict", "estimate", "limit", "unit"):
-        frame[name] = frame[name].mask(by_lincov, lincov[name])
+        frame[name] = frame[name].mask(is_by_lincov, lincov[name])
     unit = frame.unit.fillna("")
-    method = frame.by.mask(by_lincov, "LinCov")
+    method = frame.by.mask(is_by_lincov, "LinCov")
     return frame.assign(unit=unit, by=method)
 
 
 def expected_verdicts(tables: Tables) -> pd.DataFrame:
     """Return the verdicts by linear covariance, "not confirmed" with the reason if the spot check disagrees.
 
-    Otherwise they are those of `improvements.expected`.
+    Otherwise they are those of `improvements.lincov_verdicts`.
     """
-    frame = by_covariance.expected(tables)
-    reasons = unconfirmed(tables)
+    frame = by_covariance.lincov_verdicts(tables)
+    reasons = disagreement_texts(tables)
     is_refuted = frame.verdict.isin(["met", "violated"]) & frame.case.isin(reasons)
     return frame.assign(
         verdict=frame.verdict.mask(is_refuted, NOT_CONFIRMED),
@@ -220,5 +220,5 @@ def improvements(tables: Tables) -> pd.DataFrame:
     met_pairs = set(zip(met_rows.requirement, met_rows.case, strict=True))
     pairs = zip(frame.requirement, frame.case, strict=True)
     is_met = np.array([pair in met_pairs for pair in pairs], dtype=bool)
-    is_refuted = frame.case.isin(unconfirmed(tables))
+    is_refuted = frame.case.isin(disagreement_texts(tables))
     return frame[~is_refuted & ~is_met].reset_index(drop=True)

@@ -7,13 +7,13 @@ import numpy as np
 import pandas as pd
 from scipy import optimize
 
-from lvnav_trade.results.evaluate import metric_in
+from lvnav_trade.results.evaluate import statement_metric
 from lvnav_trade.results.evaluation.covariances import why_not_applicable
 from lvnav_trade.results.requirements.requirements import verdicts
-from lvnav_trade.results.statistics.case_results import CaseResults, Distribution, number_in
+from lvnav_trade.results.statistics.case_results import CaseResults, Distribution, parse_number
 from lvnav_trade.results.statistics.case_tables import CaseTables
 from lvnav_trade.results.statistics.probability import norm_probability, norm_quantile
-from lvnav_trade.results.statistics.select import once
+from lvnav_trade.results.statistics.select import cache_result
 from lvnav_trade.results.tables.read import Tables
 
 ABOVE_ONLY = "the worst of a phase: linear covariance bounds its probability from above only"
@@ -62,11 +62,11 @@ class RequirementCase(NamedTuple):
 
     def quantile(self, probability: float) -> float:
         """Return the quantile (SI) of the magnitude of the metric at a probability."""
-        if self.distribution.drawn is not None:
-            return float(np.quantile(self.distribution.drawn, probability))
+        if self.distribution.sample is not None:
+            return float(np.quantile(self.distribution.sample, probability))
         return norm_quantile(self.distribution.law.mean, self.distribution.law.covariance, probability)
 
-    def kept(self, sources: tuple[str, ...] = (), factor: float = 1.0) -> float:
+    def success_probability(self, sources: tuple[str, ...] = (), factor: float = 1.0) -> float:
         """Return the probability of keeping the bound, with the sigmas of sources scaled by a factor and gains frozen.
 
         Parameters
@@ -80,7 +80,7 @@ class RequirementCase(NamedTuple):
         -----
         The covariance is linear in the variances of the sources: P + (factor^2 - 1) sum_s P_s.
         """
-        sample = self.distribution.drawn
+        sample = self.distribution.sample
         redraw = self.distribution.redraw
         if sample is not None:
             if redraw is not None and sources:
@@ -98,7 +98,7 @@ class RequirementCase(NamedTuple):
 
         For a metric that is not Gaussian it is the part of the mean square that disappears without these sources.
         """
-        sample = self.distribution.drawn
+        sample = self.distribution.sample
         redraw = self.distribution.redraw
         if sample is not None and redraw is not None:
             without_sources = redraw.sample(sources, 0.0)
@@ -119,7 +119,7 @@ class RequirementCase(NamedTuple):
         return {name: self.share((name,)) for name in names}
 
 
-def asked(tables: Tables, requirement: Mapping[str, Any], case: str) -> RequirementCase | str:
+def evaluate_stored_requirement(tables: Tables, requirement: Mapping[str, Any], case: str) -> RequirementCase | str:
     """Evaluate a requirement in a case by linear covariance.
 
     Parameters
@@ -136,11 +136,11 @@ def asked(tables: Tables, requirement: Mapping[str, Any], case: str) -> Requirem
     RequirementCase or str
         Distribution, bound (SI) and required probability, or the reason why linear covariance does not give them.
     """
-    return asked_of(CaseTables(tables, case), requirement)
+    return evaluate_requirement(CaseTables(tables, case), requirement)
 
 
-def asked_of(case: CaseResults, requirement: Mapping[str, Any]) -> RequirementCase | str:
-    """Evaluate a requirement by linear covariance, as `asked`, for results of a case that need not be stored.
+def evaluate_requirement(case: CaseResults, requirement: Mapping[str, Any]) -> RequirementCase | str:
+    """Evaluate a requirement in a case, as `evaluate_stored_requirement`; the results of the case need not be stored.
 
     Parameters
     ----------
@@ -149,14 +149,14 @@ def asked_of(case: CaseResults, requirement: Mapping[str, Any]) -> RequirementCa
     requirement : mapping
         The requirement, as in the campaign.
     """
-    law = metric_in(requirement).law(case, requirement)
+    law = statement_metric(requirement).distribution(case, requirement)
     if isinstance(law, str):
         return law
-    return RequirementCase(law, number_in(requirement["below"], law.unit), float(requirement["probability"]))
+    return RequirementCase(law, parse_number(requirement["below"], law.unit), float(requirement["probability"]))
 
 
-@once
-def expected(tables: Tables) -> pd.DataFrame:
+@cache_result
+def lincov_verdicts(tables: Tables) -> pd.DataFrame:
     """Return the verdict by linear covariance on every requirement in every case.
 
     expected_probability: probability that the error, Gaussian with mean and covariance of linear covariance, is below
@@ -184,16 +184,16 @@ def _expected_row(
     }
     if isinstance(requirement_case, str):
         return row | {"verdict": "not applicable", "reason": requirement_case}
-    probability = requirement_case.kept()
+    probability = requirement_case.success_probability()
     verdict = "met" if probability >= requirement_case.probability else "violated"
     distribution = requirement_case.distribution
     reason = why_not_applicable(tables, case)
-    applies = not reason
-    if distribution.above_only:
-        reason = reason or (f"already at {distribution.moment}" if verdict == "violated" else ABOVE_ONLY)
-        applies &= verdict == "violated"
+    is_applicable = not reason
+    if distribution.is_upper_limit:
+        reason = reason or (f"already at {distribution.event_or_time}" if verdict == "violated" else ABOVE_ONLY)
+        is_applicable &= verdict == "violated"
     return row | {
-        "verdict": verdict if applies else "not applicable",
+        "verdict": verdict if is_applicable else "not applicable",
         "reason": reason,
         "expected_probability": probability,
         "estimate": requirement_case.quantile(requirement_case.probability) * requirement_case.factor,
@@ -212,14 +212,14 @@ def improvements(tables: Tables) -> pd.DataFrame:
     The factor is found by bisection of the probability that the Gaussian error is below the bound, with frozen gains. A
     filter re-tuned to the better source may perform better or, if it neglects other errors, worse.
     """
-    by_runs = verdicts(tables).set_index(["requirement", "case"]).verdict
+    run_verdicts = verdicts(tables).set_index(["requirement", "case"]).verdict
     rows = []
     for requirement, case, requirement_case in _requirement_cases(tables):
         if isinstance(requirement_case, str) or not requirement_case.has_sources:
             continue
         name = requirement["name"]
         label = tables.labels[case]
-        verdict = str(by_runs[name, label])
+        verdict = str(run_verdicts[name, label])
         if verdict in ("violated", "undecided") and not why_not_applicable(tables, case):
             improvement = _improvement(requirement_case)
             row = {
@@ -235,13 +235,13 @@ def improvements(tables: Tables) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=IMPROVEMENTS)
 
 
-@once
+@cache_result
 def _requirement_cases(tables: Tables) -> list[tuple[dict[str, Any], str, RequirementCase | str]]:
     """Return every requirement with every case (digest): by linear covariance, or the reason why not."""
     pairs = []
     for requirement in tables.campaign.get("requirements") or ():
         for case in tables.labels:
-            pairs.append((requirement, case, asked(tables, requirement, case)))
+            pairs.append((requirement, case, evaluate_stored_requirement(tables, requirement, case)))
     return pairs
 
 
@@ -258,7 +258,7 @@ def _required_factor(requirement_case: RequirementCase, names: tuple[str, ...]) 
     """Return the largest factor on the sigmas of sources that meets the requirement; NaN if even `LEAST` does not."""
 
     def excess(factor: float) -> float:
-        return requirement_case.kept(names, factor) - requirement_case.probability
+        return requirement_case.success_probability(names, factor) - requirement_case.probability
 
     if not excess(LEAST) >= 0.0:
         return float("nan")
@@ -267,30 +267,30 @@ def _required_factor(requirement_case: RequirementCase, names: tuple[str, ...]) 
 
 def _improvement(requirement_case: RequirementCase) -> _Improvement:
     distribution = requirement_case.distribution
-    if requirement_case.kept() >= requirement_case.probability:
-        remark = ABOVE_ONLY if distribution.above_only else "linear covariance expects it to be met as it is"
+    if requirement_case.success_probability() >= requirement_case.probability:
+        remark = ABOVE_ONLY if distribution.is_upper_limit else "linear covariance expects it to be met as it is"
         return _Improvement("", np.nan, np.nan, remark)
     improvement = _smallest_improvement(requirement_case)
-    if not distribution.above_only:
+    if not distribution.is_upper_limit:
         return improvement
-    remark = f"to keep it at {distribution.moment}; the whole phase may take more"
+    remark = f"to keep it at {distribution.event_or_time}; the whole phase may take more"
     return improvement._replace(remark="; ".join(filter(None, [improvement.remark, remark])))
 
 
 def _smallest_improvement(requirement_case: RequirementCase) -> _Improvement:
     """Return the improvement for a violated requirement: of a single source, or of the fewest of the largest."""
     shares = requirement_case.shares()
-    by_share = sorted(shares, key=lambda name: -shares[name])
+    sorted_sources = sorted(shares, key=lambda name: -shares[name])
     sufficient = []  # single sources with their factors
-    for name in by_share:
+    for name in sorted_sources:
         factor = _required_factor(requirement_case, (name,))
         if not np.isnan(factor):
             sufficient.append((factor, name))
     if sufficient:
         factor, name = max(sufficient)
         return _Improvement(name, factor, shares[name], "")
-    for n in range(1, len(by_share) + 1):
-        names = tuple(by_share[:n])
+    for n in range(1, len(sorted_sources) + 1):
+        names = tuple(sorted_sources[:n])
         factor = _required_factor(requirement_case, names)
         if not np.isnan(factor):
             return _Improvement(", ".join(names), factor, requirement_case.share(names), "together")

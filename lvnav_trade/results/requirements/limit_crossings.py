@@ -10,7 +10,7 @@ import pandas as pd
 
 from lvnav_trade.quantities.units import parse
 from lvnav_trade.results.requirements import improvements, requirements
-from lvnav_trade.results.statistics.select import once
+from lvnav_trade.results.statistics.select import cache_result
 from lvnav_trade.results.tables.read import Tables
 
 CURVES = [
@@ -203,7 +203,7 @@ def _base_value(tables: Tables, path: str, unit: str) -> float | None:
     return None
 
 
-@once
+@cache_result
 def curves(tables: Tables) -> pd.DataFrame:
     """Return for each numeric axis and requirement the quantile of the error at the required probability.
 
@@ -220,8 +220,8 @@ def curves(tables: Tables) -> pd.DataFrame:
         monte_carlo : P-quantile of the runs (order statistic), in `unit`
         verdict : verdict of the runs
     """
-    by_runs = requirements.verdicts(tables).set_index(["requirement", "case"])
-    by_covariance = improvements.expected(tables).set_index(["requirement", "case"])
+    run_verdicts = requirements.verdicts(tables).set_index(["requirement", "case"])
+    lincov_rows = improvements.lincov_verdicts(tables).set_index(["requirement", "case"])
     rows = []
     for axis in numeric_axes(tables):
         for case, levels in tables.levels.items():
@@ -230,9 +230,9 @@ def curves(tables: Tables) -> pd.DataFrame:
                 continue
             other_levels = ", ".join(f"{name}={level}" for name, level in levels.items() if name != axis.name)
             label = tables.labels[case]
-            for requirement in dict.fromkeys(by_runs.index.get_level_values(0)):
-                runs = by_runs.loc[requirement, label]
-                expected = by_covariance.loc[requirement, label]
+            for requirement in dict.fromkeys(run_verdicts.index.get_level_values(0)):
+                runs = run_verdicts.loc[requirement, label]
+                lincov_row = lincov_rows.loc[requirement, label]
                 row = {
                     "axis": axis.name,
                     "value": value,
@@ -240,10 +240,10 @@ def curves(tables: Tables) -> pd.DataFrame:
                     "others": other_levels,
                     "case": label,
                     "requirement": requirement,
-                    "unit": runs.unit or expected.unit,
-                    "limit": expected.limit if np.isnan(runs.limit) else runs.limit,
-                    "lincov": expected.estimate,
-                    "lincov_probability": expected.expected_probability,
+                    "unit": runs.unit or lincov_row.unit,
+                    "limit": lincov_row.limit if np.isnan(runs.limit) else runs.limit,
+                    "lincov": lincov_row.estimate,
+                    "lincov_probability": lincov_row.expected_probability,
                     "monte_carlo": runs.estimate,
                     "verdict": runs.verdict,
                 }
@@ -279,7 +279,7 @@ def crossings(tables: Tables) -> pd.DataFrame:
         value = curve.value.to_numpy()
         limit = float(curve.limit.iloc[0])
         for method, column in (("linear covariance", "lincov"), ("Monte Carlo", "monte_carlo")):
-            for low, high, crossing in crossed(value, curve[column].to_numpy(dtype=float), limit):
+            for low, high, crossing in find_crossings(value, curve[column].to_numpy(dtype=float), limit):
                 row = {
                     "axis": axis,
                     "axis_unit": axis_unit,
@@ -296,7 +296,7 @@ def crossings(tables: Tables) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=CROSSINGS)
 
 
-def crossed(value: np.ndarray, error: np.ndarray, limit: float) -> Iterator[tuple[float, float, float]]:
+def find_crossings(value: np.ndarray, error: np.ndarray, limit: float) -> Iterator[tuple[float, float, float]]:
     """Yield the neighbours (low, high) between which an error reaches a limit, and the interpolated crossing.
 
     Parameters
@@ -339,15 +339,15 @@ def tornado(tables: Tables) -> pd.DataFrame:
     """
     rows: list[dict[str, Any]] = []
     if tables.campaign.get("design") == "one_at_a_time":
-        expected = improvements.expected(tables)
-        for requirement, estimates in expected.groupby("requirement", sort=False):
+        verdict_rows = improvements.lincov_verdicts(tables)
+        for requirement, estimates in verdict_rows.groupby("requirement", sort=False):
             rows += _tornado_bars(tables, str(requirement), estimates)
     frame = pd.DataFrame(rows, columns=TORNADO)
     return frame.sort_values(["requirement", "range"], ascending=[True, False], kind="stable").reset_index(drop=True)
 
 
 def _tornado_bars(tables: Tables, requirement: str, estimates: pd.DataFrame) -> Iterator[dict[str, Any]]:
-    """Yield the rows of one requirement, from its rows of `improvements.expected`."""
+    """Yield the rows of one requirement, from its rows of `improvements.lincov_verdicts`."""
     error_by_label = dict(zip(estimates.case, estimates.estimate, strict=True))
     base_cases = [case for case, levels in tables.levels.items() if set(levels.values()) == {BASE}]
     if not base_cases:

@@ -6,7 +6,7 @@ import pandas as pd
 from lvnav_trade.results.requirements import confirmation
 from lvnav_trade.results.requirements import improvements as by_covariance
 from lvnav_trade.results.requirements import requirements as by_runs
-from lvnav_trade.results.statistics.select import once
+from lvnav_trade.results.statistics.select import cache_result
 from lvnav_trade.results.tables.read import Tables
 
 COLUMNS = ["requirement", "case", "verdict", "margin_ratio", "estimate", "limit", "unit", "by"]
@@ -16,7 +16,7 @@ _METHOD_COLUMNS = ("verdict", "estimate", "limit", "unit")  # given by the runs 
 ORDER = ("violated", "not confirmed", "undecided", "not applicable", "met")
 
 
-@once
+@cache_result
 def margins(tables: Tables) -> pd.DataFrame:
     """Return verdict and margin of every requirement in every case, the case with the smallest margin first.
 
@@ -39,25 +39,25 @@ def _sort_margins(frame: pd.DataFrame) -> pd.DataFrame:
     return rows.sort_values(["least", "least_finite"], kind="stable", ignore_index=True)[COLUMNS]
 
 
-def worst(verdicts: pd.Series) -> str:
+def severest_verdict(verdicts: pd.Series) -> str:
     """Return the worst of several verdicts, in the order of `ORDER`."""
     present = set(verdicts)
     return next(verdict for verdict in ORDER if verdict in present)
 
 
-@once
-def _unchecked(tables: Tables) -> pd.DataFrame:
+@cache_result
+def _margins_without_check(tables: Tables) -> pd.DataFrame:
     """Return `margins` without the spot check, which changes no margin and takes most of the time."""
     keys = ["requirement", "case"]
-    lincov = by_covariance.expected(tables).reindex(columns=[*keys, *_METHOD_COLUMNS])
+    lincov = by_covariance.lincov_verdicts(tables).reindex(columns=[*keys, *_METHOD_COLUMNS])
     frame = by_runs.verdicts(tables)
     frame = frame.merge(lincov, on=keys, how="left", suffixes=("", "_lincov"))
-    is_unselected = frame.case.isin(by_runs.unselected(tables)) & (frame.verdict == "undecided")
-    decides = is_unselected & frame.verdict_lincov.isin(["met", "violated"])
-    by_lincov = frame.verdict_lincov.notna() & ((frame.runs == 0) | decides)
+    is_unselected = frame.case.isin(by_runs.unselected_cases(tables)) & (frame.verdict == "undecided")
+    is_decided = is_unselected & frame.verdict_lincov.isin(["met", "violated"])
+    is_by_lincov = frame.verdict_lincov.notna() & ((frame.runs == 0) | is_decided)
     for name in _METHOD_COLUMNS:
-        frame[name] = frame[name].mask(by_lincov, frame[f"{name}_lincov"])
-    method = np.where(by_lincov, "LinCov", "runs")
+        frame[name] = frame[name].mask(is_by_lincov, frame[f"{name}_lincov"])
+    method = np.where(is_by_lincov, "LinCov", "runs")
     return _sort_margins(frame.assign(by=method))
 
 
@@ -67,10 +67,10 @@ def key_cases(tables: Tables) -> dict[str, str]:
     The key cases are those with the smallest margin ("worst"), with the smallest margin that is not negative
     ("binding"), and with the largest ("best").
     """
-    least_margin = _unchecked(tables).groupby("case", sort=False).margin_ratio.min().dropna()  # ascending
-    meeting = least_margin[least_margin >= 0.0]
+    least_margin = _margins_without_check(tables).groupby("case", sort=False).margin_ratio.min().dropna()  # ascending
+    met_margins = least_margin[least_margin >= 0.0]
     roles: dict[str, str] = {}
-    candidates = ((least_margin[:1], "worst"), (meeting[:1], "binding"), (least_margin[-1:], "best"))
+    candidates = ((least_margin[:1], "worst"), (met_margins[:1], "binding"), (least_margin[-1:], "best"))
     for rows, role in candidates:
         for case in rows.index:
             roles.setdefault(str(case), role)
@@ -85,13 +85,13 @@ def worst_runs(tables: Tables) -> pd.DataFrame:
         for label in key_cases(tables):
             case = digests[label]
             errors = by_runs.errors_of(tables, case, requirement)
-            if errors is not None and errors.size.size:
-                run = int(np.argmax(errors.size))
+            if errors is not None and errors.magnitude.size:
+                run = int(np.argmax(errors.magnitude))
                 row = {
                     "requirement": requirement["name"],
                     "case": case,
                     "run_number": run,
-                    "error": float(errors.size[run]) * errors.label_factor,
+                    "error": float(errors.magnitude[run]) * errors.label_factor,
                     "unit": errors.label_unit,
                 }
                 rows.append(row)

@@ -10,11 +10,11 @@ import pandas as pd
 from scipy import stats
 
 from lvnav_trade.quantities.records import Floats
-from lvnav_trade.results.evaluate import metric_in
-from lvnav_trade.results.statistics.case_results import RunErrors, number_in
+from lvnav_trade.results.evaluate import statement_metric
+from lvnav_trade.results.statistics.case_results import RunErrors, parse_number
 from lvnav_trade.results.statistics.case_tables import CaseTables
 from lvnav_trade.results.statistics.probability import runs_needed, success_verdict
-from lvnav_trade.results.statistics.select import once
+from lvnav_trade.results.statistics.select import cache_result
 from lvnav_trade.results.tables.read import Tables
 
 COLUMNS = [
@@ -36,7 +36,7 @@ _NEGLIGIBLE = 1e-18  # probability
 _FURTHEST = 100_000  # largest number of further looks that is searched
 
 
-@once
+@cache_result
 def verdicts(tables: Tables) -> pd.DataFrame:
     """Return the verdict on every requirement in every case.
 
@@ -66,7 +66,7 @@ def verdicts(tables: Tables) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=COLUMNS)
 
 
-def unselected(tables: Tables) -> list[str]:
+def unselected_cases(tables: Tables) -> list[str]:
     """Return the labels of the cases that ``monte_carlo.selected`` excludes; empty without a selection."""
     selection = (tables.campaign.get("monte_carlo") or {}).get("selected") or {}
     labels = []
@@ -98,12 +98,12 @@ def decide_fixed(runs: int, failures: int, probability: float, confidence: float
     return verdict, max(1, runs_needed(failures, probability, confidence) - runs)
 
 
-def sequential_verdict(failed: Any, probability: float, confidence: float, block: int) -> tuple[str, int]:
+def sequential_verdict(is_violated: Any, probability: float, confidence: float, block: int) -> tuple[str, int]:
     """Return the verdict of a group-sequential test with one look per block, and the further runs to meet it.
 
     Parameters
     ----------
-    failed : (n_run,) array of bool
+    is_violated : (n_run,) array of bool
         Whether each run violates the requirement, in the order of the runs. Runs after the last complete block are
         ignored.
     probability, confidence : float
@@ -116,7 +116,7 @@ def sequential_verdict(failed: Any, probability: float, confidence: float, block
     str, int
         met, violated or undecided; number of further runs without failure.
     """
-    failures_by_run = np.cumsum(np.asarray(failed, dtype=int))
+    failures_by_run = np.cumsum(np.asarray(is_violated, dtype=int))
     failures_by_look = failures_by_run[block - 1 :: block].tolist()
     verdict, _ = decide(failures_by_look, probability, confidence, block)
     if verdict != "undecided":
@@ -133,26 +133,26 @@ def _verdict(tables: Tables, case: str, requirement: dict[str, Any]) -> dict[str
         errors = RunErrors(np.empty(0), "", "", 1.0)
         bound = 0.0
     else:
-        bound = number_in(requirement["below"], errors.unit)
-    is_failed = errors.size >= bound
-    n_run = len(errors.size)
+        bound = parse_number(requirement["below"], errors.unit)
+    is_failed = errors.magnitude >= bound
+    n_run = len(errors.magnitude)
     n_failed = int(is_failed.sum())
     monte_carlo = tables.campaign.get("monte_carlo") or {}
     if monte_carlo.get("stop") == DECIDED:
         block = int(monte_carlo.get("block", BLOCK))
-        verdict, further = sequential_verdict(is_failed, probability, confidence, block)
+        verdict, further_count = sequential_verdict(is_failed, probability, confidence, block)
     else:
-        verdict, further = decide_fixed(n_run, n_failed, probability, confidence)
+        verdict, further_count = decide_fixed(n_run, n_failed, probability, confidence)
     return {
         "verdict": verdict,
-        "estimate": _quantile(errors.size, probability) * errors.label_factor,
+        "estimate": _quantile(errors.magnitude, probability) * errors.label_factor,
         "limit": bound * errors.label_factor if errors.label_unit else float("nan"),
         "unit": errors.label_unit,
         "probability": probability,
         "confidence": confidence,
         "runs": n_run,
         "failures": n_failed,
-        "runs_to_decide": further,
+        "runs_to_decide": further_count,
     }
 
 
@@ -170,7 +170,7 @@ def errors_of(tables: Tables, case: str, requirement: Mapping[str, Any]) -> RunE
     requirement : mapping
         The requirement, as in the campaign.
     """
-    return metric_in(requirement).errors(CaseTables(tables, case), requirement)
+    return statement_metric(requirement).errors(CaseTables(tables, case), requirement)
 
 
 def _quantile(error: np.ndarray[Any, Any], probability: float) -> float:
@@ -187,11 +187,11 @@ def with_unit(value: float, unit: str) -> str:
         return ""
     if np.isinf(value):
         return f"∞ {unit}"
-    rounded = float(f"{value:.3g}")
-    return f"{rounded:g} {unit}"
+    rounded_value = float(f"{value:.3g}")
+    return f"{rounded_value:g} {unit}"
 
 
-def in_words(frame: pd.DataFrame) -> pd.DataFrame:
+def verdict_texts(frame: pd.DataFrame) -> pd.DataFrame:
     """Return verdicts for display, with estimate and limit as texts with their unit."""
     texts = {
         name: [with_unit(value, unit) for value, unit in zip(frame[name], frame.unit, strict=True)]
@@ -200,7 +200,7 @@ def in_words(frame: pd.DataFrame) -> pd.DataFrame:
     return frame.assign(**texts).drop(columns="unit")
 
 
-def spent(runs: int, probability: float, confidence: float) -> float:
+def error_spending(runs: int, probability: float, confidence: float) -> float:
     """Return the error probability that may have been spent after a number of runs (error-spending function).
 
     Parameters
@@ -239,20 +239,20 @@ def _edges(side: int, probability: float, confidence: float, block: int) -> Iter
     -----
     If the probability of success is exactly the required value, the number of failures in n runs is binomial. The
     edge of side 0 is the largest number such that the probability of having been at or below an edge, at this look or
-    before, is at most the probability `spent`. If the truth is worse, this probability is smaller still. Side 1 is the
+    before, is at most that of `error_spending`. If the truth is worse, this probability is smaller still. Side 1 is the
     mirror image and shows a violation. Each side is valid whether or not the campaign stops at the other.
     """
     step: Floats = stats.binom.pmf(np.arange(block + 1), block, 1.0 - probability)
     first = 0
     mass = np.ones(1)  # probabilities of `first`, first + 1, ... failures without a decision so far
-    spent_before = 0.0
+    spent_probability = 0.0
     for runs in count(block, block):
         mass = np.convolve(mass, step)
-        from_edge = np.cumsum(mass if side == 0 else mass[::-1])
-        allowed = spent(runs, probability, confidence) - spent_before
+        tail_probability = np.cumsum(mass if side == 0 else mass[::-1])
+        allowed_probability = error_spending(runs, probability, confidence) - spent_probability
         # at least one number of failures stays undecided
-        crossing = min(int(np.searchsorted(from_edge, allowed, side="right")), len(mass) - 1)
-        spent_before += float(from_edge[crossing - 1]) if crossing else 0.0
+        crossing = min(int(np.searchsorted(tail_probability, allowed_probability, side="right")), len(mass) - 1)
+        spent_probability += float(tail_probability[crossing - 1]) if crossing else 0.0
         if side == 0:
             yield first + crossing - 1
             first = first + crossing
@@ -262,10 +262,10 @@ def _edges(side: int, probability: float, confidence: float, block: int) -> Iter
             mass = mass[: len(mass) - crossing]
         relevant = np.flatnonzero(mass > _NEGLIGIBLE)
         if len(relevant):  # negligible probabilities are dropped and counted as spent, which is on the safe side
-            trimmed = mass[relevant[0] : relevant[-1] + 1]
-            spent_before += float(mass.sum() - trimmed.sum())
+            trimmed_mass = mass[relevant[0] : relevant[-1] + 1]
+            spent_probability += float(mass.sum() - trimmed_mass.sum())
             first += int(relevant[0])
-            mass = trimmed
+            mass = trimmed_mass
 
 
 @lru_cache(maxsize=128)
@@ -335,10 +335,10 @@ def decide(failures: Sequence[int], probability: float, confidence: float, block
         met, violated or undecided; number of runs at the decision, or at the last look.
     """
     low, high = boundaries(probability, confidence, block, len(failures))
-    for look, failed in enumerate(failures):
-        if failed <= low[look]:
+    for look, failure_count in enumerate(failures):
+        if failure_count <= low[look]:
             return "met", (look + 1) * block
-        if failed >= high[look]:
+        if failure_count >= high[look]:
             return "violated", (look + 1) * block
     return "undecided", len(failures) * block
 

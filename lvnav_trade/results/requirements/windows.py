@@ -10,26 +10,26 @@ from scipy import stats
 from lvnav_trade.quantities.records import Floats
 from lvnav_trade.quantities.state_layout import split_metric
 from lvnav_trade.quantities.units import parse
-from lvnav_trade.results.evaluate import metric_in
+from lvnav_trade.results.evaluate import statement_metric
 from lvnav_trade.results.evaluation.covariances import why_not_applicable
-from lvnav_trade.results.evaluation.protection_levels import series_of
-from lvnav_trade.results.mechanics.mission_errors import drawn_of, expected_of
+from lvnav_trade.results.evaluation.protection_levels import protection_series
+from lvnav_trade.results.mechanics.mission_errors import magnitude_sample, mean_and_covariance
 from lvnav_trade.results.mechanics.stored_states import ErrorGaussian, State, laws, states
-from lvnav_trade.results.metric import where
+from lvnav_trade.results.metric import event_or_phase
 from lvnav_trade.results.metrics.mission import MissionError
 from lvnav_trade.results.metrics.normalised import SIGMAS, NormalisedError, whitening
 from lvnav_trade.results.metrics.protection import ProtectionLevel
-from lvnav_trade.results.requirements.confirmation import unconfirmed, verdicts
-from lvnav_trade.results.statistics.case_results import number_in
+from lvnav_trade.results.requirements.confirmation import disagreement_texts, verdicts
+from lvnav_trade.results.statistics.case_results import parse_number
 from lvnav_trade.results.statistics.gaussian import gaussian
 from lvnav_trade.results.statistics.probability import norm_quantile
 from lvnav_trade.results.statistics.select import (
     SAME_TIME,
     at_time,
+    cache_result,
     ends_of,
     history_of,
     lincov_rms,
-    once,
     pick,
     rows_between,
 )
@@ -78,10 +78,10 @@ class WindowErrors(NamedTuple):
     size: Floats  # (n,) P-quantile of the error with the required probability P, in `unit`; NaN where not computed
     limit: float  # limit of the requirement, in `unit`
     unit: str  # display unit
-    by: str  # method: runs, LinCov, or runs, extrapolated
+    method: str  # "runs", "LinCov" or "runs, extrapolated"
 
 
-@once
+@cache_result
 def windows(tables: Tables) -> pd.DataFrame:
     """Return the worst error around the event of each requirement at an event, case by case.
 
@@ -103,23 +103,23 @@ def windows(tables: Tables) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=COLUMNS)
 
 
-@once
+@cache_result
 def unevaluated(tables: Tables) -> pd.DataFrame:
     """Return the requirements at an event whose window cannot be evaluated, case by case, with the reason."""
     rows = []
     for (name, case), (_, errors) in _all_windows(tables).items():
         if isinstance(errors, str):
-            event = where(_requirement_named(tables, name))
+            event = event_or_phase(_requirement_named(tables, name))
             rows.append({"requirement": name, "case": tables.labels[case], "event": event, "reason": errors})
     return pd.DataFrame(rows, columns=UNEVALUATED)
 
 
-@once
+@cache_result
 def _all_windows(tables: Tables) -> dict[tuple[str, str], tuple[RequirementWindow, WindowErrors | str]]:
     """Return window and error (or the reason why there is none) by name of the requirement and digest of the case."""
     windows_by_case = {}
     for requirement in tables.campaign.get("requirements") or ():
-        if requirement.get("during") or metric_in(requirement).once_a_run:
+        if requirement.get("during") or statement_metric(requirement).has_single_value:
             continue
         for case in tables.labels:
             window = _find_window(tables, case, requirement)
@@ -136,31 +136,31 @@ def _requirement_named(tables: Tables, name: str) -> Mapping[str, Any]:
 
 def _find_window(tables: Tables, case: str, requirement: Mapping[str, Any]) -> RequirementWindow | None:
     """Return the window of a requirement; None if its event does not occur."""
-    event = pick(tables.events, case=case, event=where(requirement))
+    event = pick(tables.events, case=case, event=event_or_phase(requirement))
     if event.empty:
         return None
     settings = requirement.get("window") or {}
-    before = parse(str(settings["before"]), "s") if "before" in settings else BEFORE
-    after = parse(str(settings["after"]), "s") if "after" in settings else AFTER
+    duration_before = parse(str(settings["before"]), "s") if "before" in settings else BEFORE
+    duration_after = parse(str(settings["after"]), "s") if "after" in settings else AFTER
     t = float(event.t_s.iloc[0])
     start, end = ends_of(tables, case)
-    return RequirementWindow(t, max(t - before, start), min(t + after, end))
+    return RequirementWindow(t, max(t - duration_before, start), min(t + duration_after, end))
 
 
 def _window_errors(
     tables: Tables, case: str, requirement: Mapping[str, Any], window: RequirementWindow
 ) -> WindowErrors | str:
     """Return the error of a requirement in its window, or the reason why it is not known."""
-    metric = metric_in(requirement)
+    metric = statement_metric(requirement)
     if isinstance(metric, ProtectionLevel):
         return _protection_levels(tables, case, requirement, window)
-    why_no_lincov = why_not_applicable(tables, case) or unconfirmed(tables).get(tables.labels[case], "")
+    exclusion_reason = why_not_applicable(tables, case) or disagreement_texts(tables).get(tables.labels[case], "")
     if not metric.has_history:
-        return why_no_lincov or (_AXES_UNKNOWN if isinstance(metric, NormalisedError) else _AT_EVENTS)
+        return exclusion_reason or (_AXES_UNKNOWN if isinstance(metric, NormalisedError) else _AT_EVENTS)
     if not isinstance(metric, MissionError | NormalisedError):
-        errors = _history_errors(tables, case, requirement, window, why_no_lincov)
+        errors = _history_errors(tables, case, requirement, window, exclusion_reason)
     else:
-        errors = why_no_lincov or _state_errors(tables, case, metric, requirement, window)
+        errors = exclusion_reason or _state_errors(tables, case, metric, requirement, window)
     if not isinstance(errors, str) and np.isnan(errors.size).all():
         return "its quantile is not known there"
     return errors
@@ -171,17 +171,17 @@ def _protection_levels(
 ) -> WindowErrors | str:
     """Return a protection level, which is equal in all runs."""
     quantity = str(requirement["metric"]).removesuffix("_protection_level")
-    rows = rows_between(series_of(tables, case, quantity), window.first, window.last)
+    rows = rows_between(protection_series(tables, case, quantity), window.first, window.last)
     if rows.empty:
         return "no protection level is known there"
-    unit, factor = tables.people[quantity, "3d"]
+    unit, factor = tables.display_units[quantity, "3d"]
     si = str(pick(tables.outputs, case=case, quantity=quantity, axis="3d").unit.iloc[0])
     return WindowErrors(
         t=rows.t_s.to_numpy(),
         size=rows.level_si.to_numpy(dtype=float) * factor,
-        limit=number_in(requirement["below"], si) * factor,
+        limit=parse_number(requirement["below"], si) * factor,
         unit=unit,
-        by=COVARIANCE,
+        method=COVARIANCE,
     )
 
 
@@ -206,7 +206,7 @@ def _state_errors(
     at_event = int(np.argmin(np.abs(t - window.t)))
     if isinstance(metric, NormalisedError):
         size = _normalised_quantiles(window_laws, _BLOCKS[metric.quantity], probability, at_event)
-        return WindowErrors(t, size, number_in(requirement["below"], SIGMAS), SIGMAS, COVARIANCE)
+        return WindowErrors(t, size, parse_number(requirement["below"], SIGMAS), SIGMAS, COVARIANCE)
     quantiles = [
         _mission_quantile(state, law, metric.name, probability)
         for state, law in zip(window_states, window_laws, strict=True)
@@ -218,9 +218,9 @@ def _state_errors(
     return WindowErrors(
         t=t,
         size=np.array([np.nan if isinstance(quantile, str) else quantile * factor for quantile in quantiles]),
-        limit=number_in(requirement["below"], metric.unit) * factor,
+        limit=parse_number(requirement["below"], metric.unit) * factor,
         unit=metric.label_unit,
-        by=COVARIANCE,
+        method=COVARIANCE,
     )
 
 
@@ -235,39 +235,39 @@ def _normalised_quantiles(
     block : components of the error in the joint covariance
     at_event : index of the state at the event
     """
-    normalised = {}
+    moments_by_state = {}
     mean_square = np.full(len(error_laws), -1.0)
     for k, law in enumerate(error_laws):
         whitener = whitening(law.formal[block, block])
         if whitener is not None:
             mean = whitener @ law.mean[block]
             covariance = whitener @ law.true[block, block] @ whitener.T
-            normalised[k] = mean, covariance
+            moments_by_state[k] = mean, covariance
             mean_square[k] = float(np.sum(np.square(mean)) + np.trace(covariance))
     quantiles = np.full(len(error_laws), np.nan)
     for k in {at_event, *np.argsort(-mean_square)[:_LARGEST].tolist()}:
-        if k in normalised:
-            mean, covariance = normalised[k]
+        if k in moments_by_state:
+            mean, covariance = moments_by_state[k]
             quantiles[k] = norm_quantile(mean, covariance, probability)
     return quantiles
 
 
 def _mission_quantile(state: State, law: ErrorGaussian, metric: str, probability: float) -> float | str:
     """Return the quantile (SI) of a mission metric by linear covariance, or the reason why there is none."""
-    gaussian_or_reason = expected_of(state, law, metric)
+    gaussian_or_reason = mean_and_covariance(state, law, metric)
     if not isinstance(gaussian_or_reason, str):
         mean, covariance = gaussian_or_reason
         return norm_quantile(mean, covariance, probability)
-    sample = drawn_of(state, law, metric)
+    sample = magnitude_sample(state, law, metric)
     if sample is None:
         return gaussian_or_reason
     return float(np.quantile(sample, probability))
 
 
 def _history_errors(
-    tables: Tables, case: str, requirement: Mapping[str, Any], window: RequirementWindow, why_no_lincov: str
+    tables: Tables, case: str, requirement: Mapping[str, Any], window: RequirementWindow, exclusion_reason: str
 ) -> WindowErrors | str:
-    """Return an error with a stored history; `why_no_lincov`: reason why linear covariance does not count."""
+    """Return an error with a stored history; `exclusion_reason`: reason why linear covariance does not count."""
     quantity, axis = split_metric(str(requirement["metric"]))
     probability = float(requirement["probability"])
     rows = rows_between(history_of(tables, case, quantity, axis), window.first, window.last)
@@ -275,24 +275,24 @@ def _history_errors(
         return "the error is not reported"
     runs = int(rows.run_count.max())
     has_enough_runs = runs * (1.0 - probability) >= 1.0  # on average at least one beyond the quantile
-    if has_enough_runs and (why_no_lincov or _has_run_verdict(tables, case, requirement)):
-        by = RUNS
+    if has_enough_runs and (exclusion_reason or _has_run_verdict(tables, case, requirement)):
+        method = RUNS
     else:
-        by = EXTRAPOLATED if why_no_lincov else COVARIANCE
-    if not runs and by != COVARIANCE:
-        return why_no_lincov
-    if by == COVARIANCE:
+        method = EXTRAPOLATED if exclusion_reason else COVARIANCE
+    if not runs and method != COVARIANCE:
+        return exclusion_reason
+    if method == COVARIANCE:
         size = _covariance_quantiles(tables, case, (quantity, axis), probability, window.t, rows)
     else:
         size = quantiles_of_runs(rows, axis, probability)
-    unit, factor = tables.people[quantity, axis]
+    unit, factor = tables.display_units[quantity, axis]
     si = str(pick(tables.outputs, case=case, quantity=quantity, axis=axis).unit.iloc[0])
     return WindowErrors(
         t=rows.t_s.to_numpy(),
         size=size * factor,
-        limit=number_in(requirement["below"], si) * factor,
+        limit=parse_number(requirement["below"], si) * factor,
         unit=unit,
-        by=by,
+        method=method,
     )
 
 
@@ -312,7 +312,7 @@ def _window_row(
     return {
         "requirement": name,
         "case": tables.labels[case],
-        "event": where(requirement),
+        "event": event_or_phase(requirement),
         "t_s": window.t,
         "first_s": window.first,
         "last_s": window.last,
@@ -322,7 +322,7 @@ def _window_row(
         "limit": errors.limit,
         "unit": errors.unit,
         "probability": float(requirement["probability"]),
-        "by": errors.by,
+        "by": errors.method,
         "verdict_changes": bool(errors.size[at_event] < errors.limit <= errors.size[worst]),
     }
 
@@ -339,16 +339,16 @@ def quantiles_of_runs(rows: pd.DataFrame, axis: str, probability: float) -> Floa
     place = normal_quantiles[-1]
     insertion = np.searchsorted(stored_places, place)
     upper = int(np.clip(insertion, 1, len(_STORED) - 1))
-    stored = [rows[name].to_numpy(dtype=float) for name in _STORED.values()]
-    low = stored[upper - 1]
-    high = stored[upper]
+    stored_quantiles = [rows[name].to_numpy(dtype=float) for name in _STORED.values()]
+    low = stored_quantiles[upper - 1]
+    high = stored_quantiles[upper]
     low_place = stored_places[upper - 1]
     high_place = stored_places[upper]
     weight = (place - low_place) / (high_place - low_place)
     with np.errstate(invalid="ignore"):  # infinite where runs failed
         quantile = low + weight * (high - low)
-    with_failures = np.where(weight > 0.0, np.inf, low)
-    return np.where(np.isinf(high), with_failures, quantile)
+    quantile_with_failures = np.where(weight > 0.0, np.inf, low)
+    return np.where(np.isinf(high), quantile_with_failures, quantile)
 
 
 def _covariance_quantiles(
@@ -393,7 +393,7 @@ def _error_law(tables: Tables, case: str, metric: tuple[str, str], t: float) -> 
             return law_at_state.mean[block], law_at_state.true[block, block]
     axes = [axis]
     if axis == "3d":
-        axes = [component for name, component in tables.people if name == quantity and component != "3d"]
+        axes = [component for name, component in tables.display_units if name == quantity and component != "3d"]
     rows = [at_time(history_of(tables, case, quantity, component), t) for component in axes]
     mean = np.array([row.lincov_mean_si for row in rows])
     covariance = np.diag([row.lincov_true_si**2 for row in rows])

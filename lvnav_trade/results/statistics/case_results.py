@@ -22,13 +22,13 @@ _INSTANT = re.compile(r"\s*(?P<event>[A-Za-z_]\w*)\s*(?:(?P<sign>[+-])\s*(?P<off
 class RunErrors(NamedTuple):
     """Magnitude of an error in every run.
 
-    size : (n_run,) in `unit`. Infinite for a failed run.
+    magnitude : (n_run,) in `unit`. Infinite for a failed run.
     unit : SI unit.
     label_unit : Display unit.
     label_factor : Factor from SI to the display unit.
     """
 
-    size: Floats
+    magnitude: Floats
     unit: str
     label_unit: str
     label_factor: float
@@ -66,10 +66,10 @@ class Distribution(NamedTuple):
     unit : SI unit.
     label_unit : Display unit.
     label_factor : Factor from SI to the display unit.
-    moment : Event or time of the distribution.
-    above_only : Whether it is the distribution at the worst time of a phase. The probability of keeping a bound at this
-        time is an upper limit of the probability of keeping it throughout the phase.
-    drawn : (n,), ascending. Random sample of the magnitude, for a metric that is not Gaussian; None otherwise.
+    event_or_time : Event or time of the distribution.
+    is_upper_limit : Whether it is the distribution at the worst time of a phase. The probability of keeping a bound at
+        this time is an upper limit of the probability of keeping it throughout the phase.
+    sample : (n,), ascending. Random sample of the magnitude, for a metric that is not Gaussian; None otherwise.
     redraw : How error sources affect this sample; None if it is not known, or if the metric is Gaussian.
     """
 
@@ -77,9 +77,9 @@ class Distribution(NamedTuple):
     unit: str
     label_unit: str
     label_factor: float
-    moment: str
-    above_only: bool = False
-    drawn: Floats | None = None
+    event_or_time: str
+    is_upper_limit: bool = False
+    sample: Floats | None = None
     redraw: Redraw | None = None
 
 
@@ -87,12 +87,12 @@ class History(NamedTuple):
     """An error over the flight by linear covariance.
 
     t : (n,) s since lift-off.
-    true : (n,) SI. Sigma of the true error.
+    true_sigma : (n,) SI. Sigma of the true error.
     mean : (n,) SI. Its mean.
     """
 
     t: Floats
-    true: Floats
+    true_sigma: Floats
     mean: Floats
 
 
@@ -101,19 +101,19 @@ class Injections(NamedTuple):
 
     outcome : (n_run,). One of `records.OUTCOMES`.
     t : (n_run,) s since lift-off. Time of the last cut-off.
-    left : (n_run,) kg. Propellant remaining in the last stage.
+    remaining_propellant : (n_run,) kg. Propellant remaining in the last stage.
     error : (n_run,) SI. Achieved minus target element.
     knowledge : (n_run,) SI. Achieved minus navigated element.
     """
 
     outcome: NDArray[np.str_]
     t: Floats
-    left: Floats
+    remaining_propellant: Floats
     error: Floats
     knowledge: Floats
 
     @property
-    def injected(self) -> Bools:
+    def is_injected(self) -> Bools:
         """Whether each run reaches its cut-off, (n_run,)."""
         return np.asarray(self.outcome == OUTCOMES[0])
 
@@ -137,7 +137,7 @@ class CaseResults(Protocol):
     def phase(self, text: str) -> tuple[float, float]:
         """Return the first and last time (s) of ``INSTANT to INSTANT`` or ``flight``; NaN for an unknown event."""
 
-    def failed(self, event: str) -> Bools:
+    def has_failed(self, event: str) -> Bools:
         """Return whether each run failed (n_run,); empty if the runs have no such event."""
 
     def failed_runs(self) -> Bools:
@@ -173,11 +173,11 @@ class CaseResults(Protocol):
     def injection_law(self) -> InjectionLaw | None:
         """Return the distribution of the injection of a guided ascent by linear covariance; None without guidance."""
 
-    def protection_level(self, quantity: str, at: str, during: str) -> float:
+    def protection_level(self, quantity: str, instant_text: str, phase_text: str) -> float:
         """Return the protection level (SI) at an event, or its largest value in a phase; NaN if there is none."""
 
 
-def number_in(value: Any, unit: str) -> float:
+def parse_number(value: Any, unit: str) -> float:
     """Return a number in a unit, from text with a unit, or from a number that has this unit already.
 
     Parameters
@@ -192,7 +192,7 @@ def number_in(value: Any, unit: str) -> float:
     return float(value)
 
 
-def instant_in(text: str, events: Mapping[str, float], ends: tuple[float, float]) -> float:
+def instant_time(text: str, events: Mapping[str, float], ends: tuple[float, float]) -> float:
     """Return the time (s) of an instant such as ``stage1_cutoff`` or ``stage1_cutoff + 30 s``; NaN if it has no event.
 
     Parameters
@@ -214,7 +214,7 @@ def instant_in(text: str, events: Mapping[str, float], ends: tuple[float, float]
     return float(times[match["event"]]) + offset
 
 
-def phase_in(text: str, events: Mapping[str, float], ends: tuple[float, float]) -> tuple[float, float]:
+def phase_interval(text: str, events: Mapping[str, float], ends: tuple[float, float]) -> tuple[float, float]:
     """Return the first and last time (s) of ``INSTANT to INSTANT``, or of ``flight``, from lift-off to the end.
 
     Parameters
@@ -232,9 +232,9 @@ def phase_in(text: str, events: Mapping[str, float], ends: tuple[float, float]) 
         First and last time (s), NaN if an event does not occur.
     """
     if text == "flight":
-        return max(instant_in("start", events, ends), 0.0), instant_in("end", events, ends)
+        return max(instant_time("start", events, ends), 0.0), instant_time("end", events, ends)
     first, _, last = text.partition(" to ")
-    return instant_in(first, events, ends), instant_in(last, events, ends)
+    return instant_time(first, events, ends), instant_time(last, events, ends)
 
 
 def symmetric(matrix: Floats) -> Floats:
@@ -242,6 +242,6 @@ def symmetric(matrix: Floats) -> Floats:
     return np.triu(matrix) + np.triu(matrix, 1).T
 
 
-def finite_sizes(error: Floats, failed: Bools) -> Floats:
+def error_magnitudes(error: Floats, has_failed: Bools) -> Floats:
     """Return |error| (n,); infinite if a run failed or its error is not finite."""
-    return np.where(failed | ~np.isfinite(error), np.inf, np.abs(error))
+    return np.where(has_failed | ~np.isfinite(error), np.inf, np.abs(error))

@@ -4,27 +4,27 @@ import numpy as np
 
 from lvnav_trade.quantities.records import INJECTION, ORBIT, Bools, Floats, InjectionLaw, Output
 from lvnav_trade.results.mechanics import stored_states
-from lvnav_trade.results.statistics.case_results import CaseResults, Gaussian, History, Injections, finite_sizes
+from lvnav_trade.results.statistics.case_results import CaseResults, Gaussian, History, Injections, error_magnitudes
 from lvnav_trade.results.statistics.gaussian import formal_covariance, gaussian
 from lvnav_trade.results.statistics.select import ends_of, flight_events, history_columns, instant, phase, rows_between
 from lvnav_trade.results.tables.dictionary import error_column
-from lvnav_trade.results.tables.read import Tables, once, pick
+from lvnav_trade.results.tables.read import Tables, cache_result, pick
 
 _N = len(INJECTION)
 
 
-def law_in(tables: Tables, case: str) -> InjectionLaw | None:
+def stored_injection_law(tables: Tables, case: str) -> InjectionLaw | None:
     """Return the distribution of the injection of a case by linear covariance; None without guidance.
 
     Results contain only the sums over all sources of knowledge and execution errors. They are assigned to the first
     source.
     """
-    law: InjectionLaw | None = _law_in(tables, case)[0]
+    law: InjectionLaw | None = _stored_injection_laws(tables, case)[0]
     return law
 
 
-@once
-def _law_in(tables: Tables, case: str) -> list[InjectionLaw | None]:
+@cache_result
+def _stored_injection_laws(tables: Tables, case: str) -> list[InjectionLaw | None]:
     return [_read_injection_law(tables, case)]
 
 
@@ -99,7 +99,7 @@ class CaseTables(CaseResults):
             ends = ends_of(self.tables, self.case)
         return phase(self.tables, self.case, text, ends)
 
-    def failed(self, event: str) -> Bools:
+    def has_failed(self, event: str) -> Bools:
         """Return which runs failed, at an event."""
         rows = pick(self.tables.runs, case=self.case, event=event)
         return np.asarray(rows.failure.to_numpy() != "")
@@ -125,7 +125,7 @@ class CaseTables(CaseResults):
         column = error_column(quantity, axis, output.unit)
         if column not in rows.columns:
             return np.empty(0)
-        return finite_sizes(rows[column].to_numpy(dtype=float), rows.failure.to_numpy() != "")
+        return error_magnitudes(rows[column].to_numpy(dtype=float), rows.failure.to_numpy() != "")
 
     def largest(self, quantity: str, axis: str, first: float, last: float) -> Floats:
         """Return the largest |error| (n_run,) of a phase."""
@@ -136,7 +136,7 @@ class CaseTables(CaseResults):
         column = error_column(quantity, axis, output.unit)
         error = intervals[column].to_numpy(dtype=float)
         has_failed = intervals.failure.to_numpy() != ""
-        size = finite_sizes(error, has_failed)
+        size = error_magnitudes(error, has_failed)
         _, run = np.unique(intervals.run_number.to_numpy(), return_inverse=True)
         n_run = int(run.max()) + 1
         largest = np.full(n_run, -np.inf)
@@ -173,26 +173,26 @@ class CaseTables(CaseResults):
         return Injections(
             outcome=rows.outcome.to_numpy(dtype=str),
             t=rows.t_s.to_numpy(dtype=float),
-            left=rows.propellant_left_kg.to_numpy(dtype=float),
+            remaining_propellant=rows.propellant_left_kg.to_numpy(dtype=float),
             error=rows.error_si.to_numpy(dtype=float),
             knowledge=rows.knowledge_si.to_numpy(dtype=float),
         )
 
     def injection_law(self) -> InjectionLaw | None:
         """Return linear covariance of the injection of a guided ascent."""
-        return law_in(self.tables, self.case)
+        return stored_injection_law(self.tables, self.case)
 
-    def protection_level(self, quantity: str, at: str, during: str) -> float:
+    def protection_level(self, quantity: str, instant_text: str, phase_text: str) -> float:
         """Return the protection level at an event or of a phase."""
         rows = pick(self.tables.protection, case=self.case, quantity=quantity, axis="3d")
         rows = rows.sort_values("t_s", kind="stable")
-        if during:
-            first, last = phase(self.tables, self.case, during)
+        if phase_text:
+            first, last = phase(self.tables, self.case, phase_text)
             rows = rows_between(rows, first, last)
             if len(rows):
                 return float(rows.level_si.max())
             return float("nan")
-        t = instant(self.tables, self.case, at)
+        t = instant(self.tables, self.case, instant_text)
         if rows.empty or not np.isfinite(t):
             return float("nan")
         distance = np.abs(rows.t_s.to_numpy() - t)

@@ -33,7 +33,7 @@ _NOTHING: tuple[Any, ...] = (None, "", [], {})
 _WORDS = ("name", "source", *MARKS)
 
 
-def split(text: Any) -> tuple[float, str] | None:
+def split_quantity(text: Any) -> tuple[float, str] | None:
     """Return number and SI unit of a quantity of resolved settings; None if the value is not a quantity."""
     number, space, unit = str(text).partition(" ")
     if not isinstance(text, str) or not space:
@@ -44,7 +44,7 @@ def split(text: Any) -> tuple[float, str] | None:
         return None
 
 
-def in_people(value: Any) -> str:
+def display_text(value: Any) -> str:
     """Return a value of resolved settings as text: quantities in units of data sheets, settings with their fields.
 
     The text of null is empty.
@@ -53,29 +53,29 @@ def in_people(value: Any) -> str:
         return ""
     if isinstance(value, Mapping):
         fields = {key: field for key, field in value.items() if key not in _WORDS and field not in _NOTHING}
-        return _abridge([f"{key} {in_people(field)}" for key, field in fields.items()])
+        return _abridge([f"{key} {display_text(field)}" for key, field in fields.items()])
     if isinstance(value, list):
-        return _abridge([in_people(item) for item in value])
-    quantity = split(value)
+        return _abridge([display_text(item) for item in value])
+    quantity = split_quantity(value)
     if quantity is None:
         if isinstance(value, float):
             return f"{value:.6g}"
         return str(value)
     number, unit = quantity
     sheets = _SHEETS.get(unit, ((unit, 1.0),))
-    not_above = [sheet for sheet in sheets if abs(number) >= sheet[1] * (1.0 - 1e-9)]
-    if not_above:
-        name, size = not_above[0]
+    fitting_sheets = [sheet for sheet in sheets if abs(number) >= sheet[1] * (1.0 - 1e-9)]
+    if fitting_sheets:
+        name, size = fitting_sheets[0]
     else:
         name, size = sheets[-1 if number else 0]
-    rounded = float(f"{number / size:.4g}")
-    return f"{rounded:g} {name}"
+    display_value = float(f"{number / size:.4g}")
+    return f"{display_value:g} {name}"
 
 
 def _abridge(texts: list[str]) -> str:
     """Join texts; if there are many, only the first, with the number of the others."""
-    more = len(texts) - _FEW
-    return ", ".join(texts[:_FEW]) + (f" and {more} more" if more > 0 else "")
+    further_count = len(texts) - _FEW
+    return ", ".join(texts[:_FEW]) + (f" and {further_count} more" if further_count > 0 else "")
 
 
 _CARD_LABEL = re.compile(r"[a-z0-9][a-z0-9_.-]*")  # label of a level that is the file name of its card
@@ -103,14 +103,14 @@ def case_names(tables: Tables) -> dict[str, str]:
             varied_axes.append(axis)
     name_by_case = {}
     for case, levels in tables.levels.items():
-        parts = []
+        level_names = []
         has_card = False
         for axis in varied_axes:
             level = levels[axis]
             card_name = card_names.get(axis, {}).get(level)
-            parts.append(f"{axis}={level}" if card_name is None else card_name)
+            level_names.append(f"{axis}={level}" if card_name is None else card_name)
             has_card |= card_name is not None
-        name_by_case[case] = SEPARATOR.join(parts) if has_card else tables.labels[case]
+        name_by_case[case] = SEPARATOR.join(level_names) if has_card else tables.labels[case]
     count = Counter(name_by_case.values())
     unique_names = {}
     for case, name in name_by_case.items():
@@ -139,7 +139,7 @@ def _is_usable(name: Any) -> bool:
     return isinstance(name, str) and 0 < len(name) <= _LONGEST and SEPARATOR not in name
 
 
-def named(tables: Tables) -> Tables:
+def with_case_names(tables: Tables) -> Tables:
     """Return the results with the names of the cases as their labels."""
     names = case_names(tables)
     if names == tables.labels:

@@ -40,19 +40,19 @@ def gaussian(tables: Tables, case: str, event: str, quantity: str, axis: str) ->
     metric_axes = axes if axis == "3d" else [axis]
     if not axes or not set(metric_axes) <= set(axes):
         return None
-    by_source = {}
+    covariance_by_source = {}
     for name in dict.fromkeys(source):
-        of_source = source == name
-        elements = row_axis[of_source], column_axis[of_source], covariance[of_source]
-        by_source[str(name)] = _matrix(axes, metric_axes, *elements)
-    total = by_source.pop("")  # rows without a source
+        is_of_source = source == name
+        elements = row_axis[is_of_source], column_axis[is_of_source], covariance[is_of_source]
+        covariance_by_source[str(name)] = _matrix(axes, metric_axes, *elements)
+    total = covariance_by_source.pop("")  # rows without a source
     mean = []
     for name in metric_axes:
         history = pick_columns(tables.history, ("t_s", "lincov_mean_si"), case=case, quantity=quantity, axis=name)
         t, mean_error = history
         nearest = np.argmin(np.abs(t - times[0]))
         mean.append(float(mean_error[nearest]))
-    return Gaussian(np.array(mean), total, by_source)
+    return Gaussian(np.array(mean), total, covariance_by_source)
 
 
 def formal_covariance(tables: Tables, case: str, event: str, quantity: str) -> Floats | None:
@@ -107,11 +107,13 @@ def _matrix(
     j = [axes.index(name) for name in column]
     matrix[i, j] = values
     matrix[j, i] = values
-    chosen = [axes.index(name) for name in shown_axes]
-    return matrix[np.ix_(chosen, chosen)]
+    indices = [axes.index(name) for name in shown_axes]
+    return matrix[np.ix_(indices, indices)]
 
 
-def least_kept(case: CaseResults, quantity: str, axis: str, during: str, bound: float) -> tuple[Gaussian, str] | None:
+def worst_time_gaussian(
+    case: CaseResults, quantity: str, axis: str, phase_text: str, bound: float
+) -> tuple[Gaussian, str] | None:
     """Return the distribution of an error at the time of a phase with the smallest probability of keeping a bound.
 
     Parameters
@@ -120,7 +122,7 @@ def least_kept(case: CaseResults, quantity: str, axis: str, during: str, bound: 
         Results of a case.
     quantity, axis : str
         The error; 3d is the norm.
-    during : str
+    phase_text : str
         Phase, such as ``liftoff to injection``.
     bound : float
         Bound on the magnitude, SI.
@@ -135,7 +137,7 @@ def least_kept(case: CaseResults, quantity: str, axis: str, during: str, bound: 
     The norm needs the covariance of three axes, which is stored at events only. The error along one axis is also
     examined at every time of the history.
     """
-    first, last = case.phase(during)
+    first, last = case.phase(phase_text)
     candidates: list[tuple[float, Gaussian, str]] = []  # probability of keeping the bound, distribution, time
     for event, t_event in case.events().items():
         if not first - SAME_TIME <= t_event <= last + SAME_TIME:
@@ -147,11 +149,11 @@ def least_kept(case: CaseResults, quantity: str, axis: str, during: str, bound: 
     history = case.history(quantity, axis)
     has_started = history.t >= first - SAME_TIME
     has_not_ended = history.t <= last + SAME_TIME
-    in_phase = has_started & has_not_ended & (history.true > 0.0)
-    if axis != "3d" and in_phase.any():
-        t = history.t[in_phase]
-        sigma = history.true[in_phase]
-        mean = history.mean[in_phase]
+    is_in_phase = has_started & has_not_ended & (history.true_sigma > 0.0)
+    if axis != "3d" and is_in_phase.any():
+        t = history.t[is_in_phase]
+        sigma = history.true_sigma[is_in_phase]
+        mean = history.mean[is_in_phase]
         low = (-bound - mean) / sigma
         high = (bound - mean) / sigma
         probabilities = probability_between(low, high)

@@ -48,7 +48,7 @@ def select_times(tables: Tables, case: str, rows: pd.DataFrame, statement: Mappi
     return rows.iloc[nearest : nearest + 1]
 
 
-def of_each(tables: Tables, case: str, statement: Mapping[str, Any], unit: str) -> Floats:
+def run_values(tables: Tables, case: str, statement: Mapping[str, Any], unit: str) -> Floats:
     """Return the number of a statement for every single run (n_run,), SI, in order; empty if it is not stored.
 
     Parameters
@@ -117,7 +117,7 @@ def per_run(tables: Tables, case: str, statement: Mapping[str, Any], column: str
     return np.sqrt(mean_square.to_numpy())
 
 
-def signed(tables: Tables, case: str, statement: Mapping[str, Any], unit: str) -> Floats:
+def signed_run_errors(tables: Tables, case: str, statement: Mapping[str, Any], unit: str) -> Floats:
     """Return the signed error of every run at an event, in the order of the runs.
 
     Parameters

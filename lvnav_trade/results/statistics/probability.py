@@ -97,7 +97,7 @@ def success_verdict(runs: int, failures: int, probability: float, confidence: fl
     return "violated" if high < probability else "undecided"
 
 
-def shows(runs: int, failures: int, probability: float, confidence: float) -> bool:
+def is_demonstrated(runs: int, failures: int, probability: float, confidence: float) -> bool:
     """Whether a number of failures is small enough to demonstrate a probability of success at a confidence."""
     if runs <= failures:
         return False
@@ -107,11 +107,15 @@ def shows(runs: int, failures: int, probability: float, confidence: float) -> bo
 
 def runs_needed(failures: int, probability: float, confidence: float) -> int:
     """Return the smallest number of runs that demonstrates a probability of success in spite of some failures."""
+
+    def is_enough(runs: int) -> bool:
+        return is_demonstrated(runs, failures, probability, confidence)
+
     high = max(2, 2 * (failures + 1))
-    while not shows(high, failures, probability, confidence):
+    while not is_enough(high):
         high *= 2
     first = high // 2 + 1 if high > 2 else 1
-    return bisect_left(range(high), True, first, key=lambda runs: shows(runs, failures, probability, confidence))
+    return bisect_left(range(high), True, first, key=is_enough)
 
 
 def holm(p_values: ArrayLike) -> Floats:
@@ -122,10 +126,10 @@ def holm(p_values: ArrayLike) -> Floats:
     p = np.asarray(p_values, dtype=float)
     order = np.argsort(p, kind="stable")
     remaining_tests = len(p) - np.arange(len(p))
-    stepped = np.maximum.accumulate(p[order] * remaining_tests)
-    adjusted = np.empty_like(p)
-    adjusted[order] = np.minimum(stepped, 1.0)
-    return adjusted
+    cumulative_p = np.maximum.accumulate(p[order] * remaining_tests)
+    adjusted_p = np.empty_like(p)
+    adjusted_p[order] = np.minimum(cumulative_p, 1.0)
+    return adjusted_p
 
 
 def norm_probability(mean: ArrayLike, covariance: ArrayLike, limit: float) -> float:
@@ -194,10 +198,10 @@ def box_probability(mean: ArrayLike, covariance: ArrayLike, limits: ArrayLike) -
         return 0.0
     # In components scaled by their limits the box is -1 to 1 along every axis.
     centre = np.asarray(mean, dtype=float) / half_width
-    scaled = np.asarray(covariance, dtype=float) / np.outer(half_width, half_width)
-    total_variance = float(np.trace(scaled))
+    scaled_covariance = np.asarray(covariance, dtype=float) / np.outer(half_width, half_width)
+    total_variance = float(np.trace(scaled_covariance))
     jitter = 1e-14 * max(total_variance, 1e-300)  # a component without variance has a factor, too
-    factor = np.linalg.cholesky(scaled + jitter * np.eye(3))
+    factor = np.linalg.cholesky(scaled_covariance + jitter * np.eye(3))
     weight = np.array([1.0])
     normals = np.zeros((1, 0))  # (n, k): independent standard normals of the components before k, at the nodes
     for k in range(2):
@@ -245,8 +249,8 @@ def _integrate_axis(radius_squared: Floats, weight: Floats, centre: float, sigma
     half = 0.5 * (high - low)[:, None]
     x = middle + half * np.sin(angle)
     step = half * np.cos(angle) * (0.5 * np.pi * _WEIGHTS)
-    normalised = (x - centre) / sigma
-    exponent = -0.5 * normalised**2
+    normalised_x = (x - centre) / sigma
+    exponent = -0.5 * normalised_x**2
     density = np.exp(exponent) / (sigma * np.sqrt(2.0 * np.pi))
     rest_squared = np.maximum(radius_squared[:, None] - x**2, 0.0)
     node_weight = weight[:, None] * density * step
@@ -260,7 +264,7 @@ def _probability_within(radius: Floats, centre: float, sigma: float) -> Floats:
     return probability_between((-radius - centre) / sigma, (radius - centre) / sigma)
 
 
-def outline_of(covariance: Floats, sigmas: float = 3.0, points: int = 97) -> Floats:
+def ellipse_points(covariance: Floats, sigmas: float = 3.0, points: int = 97) -> Floats:
     """Return the points (points, 2) of the error ellipse of a covariance (2, 2) for a number of sigmas."""
     variance, axes = np.linalg.eigh(covariance)
     semi_axes = sigmas * np.sqrt(np.maximum(variance, 0.0))
@@ -294,12 +298,12 @@ def norm_quantile(mean: ArrayLike, covariance: ArrayLike, probability: float) ->
     start = _approximate_quantile(centre, variance, probability)
     if start == 0.0:
         return 0.0
-    required = special.ndtri(probability)
+    required_quantile = special.ndtri(probability)
 
     def excess(limit: float) -> float:
-        below = norm_probability(centre, variance, limit)
-        finite = np.clip(below, _LEAST_PROBABILITY, 1.0 - _LEAST_PROBABILITY)
-        return float(special.ndtri(finite) - required)
+        probability_below = norm_probability(centre, variance, limit)
+        finite = np.clip(probability_below, _LEAST_PROBABILITY, 1.0 - _LEAST_PROBABILITY)
+        return float(special.ndtri(finite) - required_quantile)
 
     low, high = 0.99 * start, 1.01 * start
     while excess(low) > 0.0:
@@ -312,14 +316,14 @@ def norm_quantile(mean: ArrayLike, covariance: ArrayLike, probability: float) ->
 def _approximate_quantile(centre: Floats, variance: Floats, probability: float) -> float:
     """Return the quantile of |x| with the squared norm taken as a scaled chi-square; 0 for a vector without size."""
     # Moments of the squared norm: E = m'm + tr(P), V = 2 tr(P^2) + 4 m'P m
-    expected = float(centre @ centre + np.trace(variance))
-    if expected == 0.0:
+    mean_square = float(centre @ centre + np.trace(variance))
+    if mean_square == 0.0:
         return 0.0
     variance_of_square = float(2.0 * np.sum(variance * variance) + 4.0 * centre @ variance @ centre)
-    start = np.sqrt(expected)
+    start = np.sqrt(mean_square)
     if variance_of_square > 0.0:
-        scale = variance_of_square / (2.0 * expected)
-        start = np.sqrt(scale * special.chdtri(expected / scale, 1.0 - probability)) or start
+        scale = variance_of_square / (2.0 * mean_square)
+        start = np.sqrt(scale * special.chdtri(mean_square / scale, 1.0 - probability)) or start
     return start
 
 
@@ -328,7 +332,7 @@ POINTS, NODES = 512, 6  # of quadrature for the indices of a fit
 
 
 def basis(d: int) -> list[tuple[tuple[int, int], ...]]:
-    """Return the polynomials of `fitted`, each as factors (variable, degree).
+    """Return the polynomials of `fit_polynomials`, each as factors (variable, degree).
 
     They are the constant, powers of each variable up to `DEGREE`, and products of two variables.
     """
@@ -352,21 +356,21 @@ def _polynomials(u: Floats) -> Floats:
     return values.T
 
 
-def fitted(u: Floats, value: Floats) -> Floats:
+def fit_polynomials(u: Floats, value: Floats) -> Floats:
     """Return the coefficients (n_term,) of polynomials that fit the logarithm of values (n,) at points (n, d) even in
     [-1, 1], by least squares.
     """
     return np.asarray(np.linalg.lstsq(_polynomials(u), np.log(value), rcond=None)[0])
 
 
-def predicted(u: Floats, value: Floats) -> float:
+def predicted_variance_share(u: Floats, value: Floats) -> float:
     """Return the predicted share of the variance: 1 - (mean squared error of leave-one-out prediction) / variance."""
     design = _polynomials(u)
     log_value = np.log(value)
     # Without point i the residual of point i is r_i / (1 - h_i), h the diagonal of the hat matrix Q Q' (PRESS).
     orthonormal, _ = np.linalg.qr(design)
     leverage = np.minimum(np.sum(orthonormal**2, axis=1), 1.0 - 1e-9)
-    residual = (log_value - design @ fitted(u, value)) / (1.0 - leverage)
+    residual = (log_value - design @ fit_polynomials(u, value)) / (1.0 - leverage)
     prediction = np.exp(log_value - residual)
     squared_error = (value - prediction) ** 2
     return float(1.0 - np.mean(squared_error) / np.var(value))
@@ -384,7 +388,7 @@ def fitted_indices(coefficients: Floats, d: int) -> Floats:
     weights = 0.5 * weights  # of the uniform density in [-1, 1]
     sobol = qmc.Sobol(d, scramble=True, seed=0).random_base2(POINTS.bit_length() - 1)
     even_points = 2.0 * sobol - 1.0
-    parts = []  # by variable: variances of the fits (3, n_fit)
+    variance_rows = []  # by variable: variances of the fits (3, n_fit)
     for k in range(d):
         points = np.repeat(even_points[None], NODES, axis=0)
         points[:, :, k] = nodes[:, None]
@@ -393,8 +397,8 @@ def fitted_indices(coefficients: Floats, d: int) -> Floats:
         mean_over_others = value.mean(axis=2)  # E[y | u_k], (n_fit, NODES)
         mean_over_variable = np.einsum("fqn,q->fn", value, weights)  # E[y | the others], (n_fit, POINTS)
         mean = mean_over_others @ weights
-        first_part = mean_over_others**2 @ weights - mean**2  # V(E[y | u_k])
-        total_part = mean_square - np.mean(mean_over_variable**2, axis=1)  # E(V[y | the others])
-        parts.append([first_part, total_part, mean_square - mean**2])
-    first, total, variance = np.moveaxis(np.array(parts), 0, 2)
+        first_variance = mean_over_others**2 @ weights - mean**2  # V(E[y | u_k])
+        total_variance = mean_square - np.mean(mean_over_variable**2, axis=1)  # E(V[y | the others])
+        variance_rows.append([first_variance, total_variance, mean_square - mean**2])
+    first, total, variance = np.moveaxis(np.array(variance_rows), 0, 2)
     return np.array([first, total]) / variance.mean(axis=1)[None, :, None]

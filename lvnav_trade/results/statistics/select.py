@@ -11,10 +11,10 @@ import numpy as np
 from lvnav_trade.quantities.records import Floats
 from lvnav_trade.quantities.units import parse
 from lvnav_trade.results.statistics.case_results import SAME_TIME as SAME_TIME
-from lvnav_trade.results.statistics.case_results import instant_in, phase_in
+from lvnav_trade.results.statistics.case_results import instant_time, phase_interval
 from lvnav_trade.results.tables.dictionary import error_column
 from lvnav_trade.results.tables.read import Tables
-from lvnav_trade.results.tables.read import once as once
+from lvnav_trade.results.tables.read import cache_result as cache_result
 from lvnav_trade.results.tables.read import pick as pick
 from lvnav_trade.results.tables.read import pick_columns as pick_columns
 
@@ -29,7 +29,7 @@ def history_of(tables: Tables, case: str, quantity: str, axis: str) -> pd.DataFr
     return pick(tables.history, case=case, quantity=quantity, axis=axis)
 
 
-def in_units(tables: Tables, units: Mapping[str, str]) -> Tables:
+def with_display_units(tables: Tables, units: Mapping[str, str]) -> Tables:
     """Return the results with other display units (unit by quantity).
 
     Parameters
@@ -49,19 +49,19 @@ def in_units(tables: Tables, units: Mapping[str, str]) -> Tables:
     return tables.with_frames(outputs=outputs)
 
 
-def cases_of(tables: Tables, wanted: Mapping[str, str]) -> list[str]:
+def cases_of(tables: Tables, level_by_axis: Mapping[str, str]) -> list[str]:
     """Return the digests of the cases whose axes have the wanted levels.
 
     Parameters
     ----------
     tables : Tables
         Tables of the results.
-    wanted : mapping of str to str
+    level_by_axis : mapping of str to str
         Label of the level by axis.
     """
     cases = []
     for case, levels in tables.levels.items():
-        if all(levels.get(axis) == str(level) for axis, level in wanted.items()):
+        if all(levels.get(axis) == str(level) for axis, level in level_by_axis.items()):
             cases.append(case)
     return cases
 
@@ -93,11 +93,11 @@ def errors_by_axis(tables: Tables, case: str, event: str, quantity: str) -> pd.D
     return runs[["failure", *columns]]
 
 
-@once
+@cache_result
 def flight_events(tables: Tables, case: str) -> pd.DataFrame:
     """Return the events of a case in order of time, without faults."""
-    chosen = pick(tables.events, case=case, kind="event")
-    return chosen.sort_values(["t_s", "event"], kind="stable").reset_index(drop=True)
+    event_rows = pick(tables.events, case=case, kind="event")
+    return event_rows.sort_values(["t_s", "event"], kind="stable").reset_index(drop=True)
 
 
 def faults(tables: Tables, case: str) -> pd.DataFrame:
@@ -134,7 +134,7 @@ def series(tables: Tables) -> Iterator[tuple[str, str, str, pd.DataFrame]]:
         yield case, quantity, axis, history_of(tables, case, quantity, axis)
 
 
-@once
+@cache_result
 def names_of_series(tables: Tables) -> list[tuple[str, str, str]]:
     """Return case, quantity and axis of every error in the history, in the order of the plan."""
     columns = ["case", "quantity", "axis"]
@@ -193,7 +193,7 @@ def mean_at(tables: Tables, case: str, event: str, quantity: str) -> float:
     """
     t = float(pick(tables.events, case=case, event=event).t_s.iloc[0])
     mean_si = float(at_time(history_of(tables, case, quantity, "3d"), t).lincov_mean_si)
-    _, factor = tables.people[quantity, "3d"]
+    _, factor = tables.display_units[quantity, "3d"]
     return mean_si * float(factor)
 
 
@@ -217,7 +217,7 @@ def instant(tables: Tables, case: str, text: str, ends: tuple[float, float] | No
     ends : (float, float), optional
         Times (s) of ``start`` and ``end``; by default the ends of the history.
     """
-    return instant_in(text, _event_times(tables, case), ends or ends_of(tables, case))
+    return instant_time(text, _event_times(tables, case), ends or ends_of(tables, case))
 
 
 def phase(tables: Tables, case: str, text: str, ends: tuple[float, float] | None = None) -> tuple[float, float]:
@@ -239,7 +239,7 @@ def phase(tables: Tables, case: str, text: str, ends: tuple[float, float] | None
     float, float
         First and last time (s), NaN if an event does not occur.
     """
-    return phase_in(text, _event_times(tables, case), ends or ends_of(tables, case))
+    return phase_interval(text, _event_times(tables, case), ends or ends_of(tables, case))
 
 
 def _event_times(tables: Tables, case: str) -> dict[str, float]:

@@ -29,7 +29,7 @@ _CASE = re.compile(r"\w[\w.-]*")
 _NAME_BYTES = 255  # longest name in a folder on common file systems
 _TEMPORARY = re.compile(r"^\.(.+)\.\d+$")
 _GIVE_ANOTHER = "nothing was changed; give another folder"
-Kind = Literal["results", "report", "study", "base", "code", "vectors"]
+FolderType = Literal["results", "report", "study", "base", "code", "vectors"]
 _KINDS: dict[str, str] = {
     "results": "the results of a campaign",
     "report": "a kept report",
@@ -56,10 +56,15 @@ class OwnedFolder:
     """
 
     def __init__(
-        self, folder: Path, kind: Kind, files: Mapping[str, list[str]], cases: Iterable[str], adopted: bool
+        self,
+        folder: Path,
+        folder_type: FolderType,
+        files: Mapping[str, list[str]],
+        cases: Iterable[str],
+        is_adopted: bool,
     ) -> None:
-        self.folder, self.kind, self.cases = folder, kind, sorted(set(cases))
-        self._files, self._adopted = dict(files), adopted
+        self.folder, self.folder_type, self.cases = folder, folder_type, sorted(set(cases))
+        self._files, self._is_adopted = dict(files), is_adopted
         for name in self.names:
             self.place(name)
         for case in self.cases:
@@ -70,7 +75,7 @@ class OwnedFolder:
         """All listed names."""
         return {name for group in self._files.values() for name in group}
 
-    def listed(self, group: str) -> list[str]:
+    def listed_names(self, group: str) -> list[str]:
         """Return the names of a group."""
         return list(self._files.get(group, ()))
 
@@ -85,17 +90,17 @@ class OwnedFolder:
         InputError
             A file with such a name exists and is not listed, or a part of its path is a link. Nothing has been changed.
         """
-        claimed = sorted(set(names))
-        listed = self.names
-        for name in claimed:
+        new_names = sorted(set(names))
+        listed_names = self.names
+        for name in new_names:
             path = self.place(name)
             if path.is_symlink():
                 raise InputError(f"{path}: is a link, which is not followed; {_GIVE_ANOTHER}")
-            if name not in listed and not self._adopted and path.exists():
+            if name not in listed_names and not self._is_adopted and path.exists():
                 raise InputError(f"{path}: was not written by lvnav-trade; move it, or give another folder")
         for case in cases:
             self._place_case(case)
-        self._files[group] = sorted({*self._files.get(group, ()), *claimed})
+        self._files[group] = sorted({*self._files.get(group, ()), *new_names})
         self.cases = sorted({*self.cases, *cases})
         self.folder.mkdir(parents=True, exist_ok=True)
         self._save()
@@ -117,10 +122,10 @@ class OwnedFolder:
 
     def remove(self, group: str, names: Iterable[str]) -> None:
         """Remove files of a group from the folder, and then from the list."""
-        removed = set(names)
-        for name in removed:
+        removed_names = set(names)
+        for name in removed_names:
             self._remove(self.place(name))
-        self._files[group] = [name for name in self._files.get(group, ()) if name not in removed]
+        self._files[group] = [name for name in self._files.get(group, ()) if name not in removed_names]
         self._save()
 
     def is_without_results(self) -> bool:
@@ -155,34 +160,34 @@ class OwnedFolder:
 
     def sweep(self) -> None:
         """Remove temporary files of killed processes that belong to listed names."""
-        listed = {self.folder / CONTENTS}
-        listed |= {self.place(name) for name in self.names}
+        listed_paths = {self.folder / CONTENTS}
+        listed_paths |= {self.place(name) for name in self.names}
         case_folders = {self._place_case(case) for case in self.cases}
         case_folders |= {folder / "tables" for folder in case_folders}
-        for folder in case_folders | {path.parent for path in listed}:
+        for folder in case_folders | {path.parent for path in listed_paths}:
             for path in folder.glob(".*.*"):
                 name = _TEMPORARY.sub(r"\1", path.name)
                 if name == path.name:
                     continue
                 is_case_file = part_files.is_name(name) or PurePosixPath(name).stem in _STORED
-                if (folder in case_folders and is_case_file) or folder / name in listed:
+                if (folder in case_folders and is_case_file) or folder / name in listed_paths:
                     path.unlink(missing_ok=True)
 
     def place(self, name: str) -> Path:
         """Return the path of a name; InputError if it leads out of the folder."""
-        parts = PurePosixPath(name).parts
-        if not parts or ".." in parts or "\0" in name or PurePosixPath(name).is_absolute():
+        segments = PurePosixPath(name).parts
+        if not segments or ".." in segments or "\0" in name or PurePosixPath(name).is_absolute():
             raise InputError(f"{self.folder}: the name {name!r} leads out of the folder; {_GIVE_ANOTHER}")
-        if any(len(os.fsencode(part)) > _NAME_BYTES for part in parts):
+        if any(len(os.fsencode(segment)) > _NAME_BYTES for segment in segments):
             raise InputError(
                 f"{self.folder}: the name {quoted(name)} is longer than {_NAME_BYTES} bytes; {_GIVE_ANOTHER}"
             )
         path = self.folder
-        for part in parts[:-1]:
-            path = path / part
+        for segment in segments[:-1]:
+            path = path / segment
             if path.is_symlink():
                 raise InputError(f"{path}: is a link, which is not followed; {_GIVE_ANOTHER}")
-        return path / parts[-1]
+        return path / segments[-1]
 
     def _place_case(self, case: str) -> Path:
         if not _CASE.fullmatch(case):
@@ -197,23 +202,23 @@ class OwnedFolder:
 
     def _save(self) -> None:
         files = {group: names for group, names in sorted(self._files.items()) if names}
-        content: dict[str, Any] = {_MARK: _VERSION, "kind": self.kind, "files": files, "cases": self.cases}
-        if self.kind == "results":
+        content: dict[str, Any] = {_MARK: _VERSION, "kind": self.folder_type, "files": files, "cases": self.cases}
+        if self.folder_type == "results":
             content["tables"] = self._features()
         replace_file(self.folder / CONTENTS, json.dumps(content, indent=1) + "\n")
 
     def _features(self) -> dict[str, str]:
         """Return the feature that each listed table belongs to: by name of stored tables, by file of CSV tables."""
-        stored = self.listed("run")
-        reported = self.listed("report")
-        features = {name: feature for name, feature in _STORED.items() if f"{name}.parquet" in stored}
+        stored_files = self.listed_names("run")
+        report_files = self.listed_names("report")
+        features = {name: feature for name, feature in _STORED.items() if f"{name}.parquet" in stored_files}
         for name, feature in REPORTED.items():
-            if f"{name}.csv" in reported:
+            if f"{name}.csv" in report_files:
                 features[f"{name}.csv"] = feature
         return features
 
 
-def owned(folder: Path | str, kind: Kind) -> OwnedFolder:
+def owned_folder(folder: Path | str, folder_type: FolderType) -> OwnedFolder:
     """Return a folder in which the tool may write files of one kind; nothing is changed.
 
     The folder is missing, empty (apart from hidden files), or contains only files of the same kind that the tool wrote.
@@ -223,7 +228,7 @@ def owned(folder: Path | str, kind: Kind) -> OwnedFolder:
     ----------
     folder : Path or str
         The folder.
-    kind : str
+    folder_type : str
         Kind of files: results, report, study, base, code or vectors.
 
     Returns
@@ -241,14 +246,14 @@ def owned(folder: Path | str, kind: Kind) -> OwnedFolder:
     with writing(folder, "the folder cannot be written", resumes=True), suppress(FileNotFoundError):
         existing = [name for name in os.listdir(folder) if not name.startswith(".")]
     if CONTENTS in existing:
-        files, cases, present_kind = _read_list(folder)
+        files, cases, present_type = _read_list(folder)
     elif not existing:
-        return OwnedFolder(folder, kind, {}, (), adopted=False)
+        return OwnedFolder(folder, folder_type, {}, (), is_adopted=False)
     else:
-        files, cases, present_kind = _infer_list(folder)
-    if present_kind != kind:
-        raise InputError(f"{folder}: holds {_KINDS[present_kind]}, not {_KINDS[kind]}; {_GIVE_ANOTHER}")
-    return OwnedFolder(folder, kind, files, cases, adopted=CONTENTS not in existing)
+        files, cases, present_type = _infer_list(folder)
+    if present_type != folder_type:
+        raise InputError(f"{folder}: holds {_KINDS[present_type]}, not {_KINDS[folder_type]}; {_GIVE_ANOTHER}")
+    return OwnedFolder(folder, folder_type, files, cases, is_adopted=CONTENTS not in existing)
 
 
 def is_without_rows(folder: Path, table: str) -> bool:
@@ -284,8 +289,8 @@ def _infer_list(folder: Path) -> tuple[dict[str, list[str]], list[str], str]:
     for key in ("asked_cases", "cases"):
         cases += [str(case) for case in manifest.get(key) or ()]
     earlier_tables = [f"{table}.parquet" for table in _EARLIER]
-    kind = "results" if "created" in manifest else "base"
-    return {"run": [*RUN_FILES, *earlier_tables]}, cases, kind
+    folder_type = "results" if "created" in manifest else "base"
+    return {"run": [*RUN_FILES, *earlier_tables]}, cases, folder_type
 
 
 def _read_json(path: Path) -> dict[str, Any]:
@@ -313,12 +318,12 @@ def read_manifest(path: Path) -> dict[str, Any]:
     try:
         content = json.loads(read_bytes(path, MANIFEST_BYTES).decode())
     except (ValueError, RecursionError) as error:
-        raise damaged(path, error) from None
+        raise damaged_file_error(path, error) from None
     refuse_foreign(path, content)
     for is_valid, keys in _FIELD_CHECKS.items():
         for key in keys:
             if key in content and not is_valid(content[key]):
-                raise damaged(path, f"{key} cannot be {quoted(content[key])}")
+                raise damaged_file_error(path, f"{key} cannot be {quoted(content[key])}")
     return dict(content)
 
 
@@ -341,9 +346,9 @@ def refuse_changed(path: Path) -> None:
     if not (manifest.is_file() and path.is_file()):
         return
     state = manifest.stat()
-    written = _read_digests(manifest, state.st_mtime_ns, state.st_size).get(path.name)
-    if written is not None and written != digest(path.read_bytes()):
-        raise damaged(path, "its content is not what the campaign wrote")
+    written_digest = _read_digests(manifest, state.st_mtime_ns, state.st_size).get(path.name)
+    if written_digest is not None and written_digest != digest(path.read_bytes()):
+        raise damaged_file_error(path, "its content is not what the campaign wrote")
 
 
 @lru_cache(maxsize=8)
@@ -353,7 +358,7 @@ def _read_digests(manifest: Path, _changed_ns: int, _size: int) -> dict[str, str
     return digest_by_file
 
 
-def damaged(path: Path, reason: object) -> InputError:
+def damaged_file_error(path: Path, reason: object) -> InputError:
     """Return the exception for a damaged file of results, one line with the remedy."""
     line = str(reason).strip().partition("\n")[0] or type(reason).__name__
     return InputError(f"{path}: damaged: {line}; the same lvnav-trade run makes it again")

@@ -16,7 +16,7 @@ _TURNING = (
     "rate_error_rad_per_s",
     "rate_sigma_rad_per_s",
 )
-# Columns of the history of motion, in the order of `NozzleStatistics.shown`
+# Columns of the history of motion, in the order of `NozzleStatistics.bin_motion`
 _MOTION = (
     "angular_acceleration_rad_per_s2",
     "angular_acceleration_envelope_rad_per_s2",
@@ -77,11 +77,11 @@ def _motion_statistics(nozzle: NozzleStatistics) -> dict[str, Any]:
 
 
 def _motion_history(nozzle: NozzleStatistics) -> dict[str, Any]:
-    axis, time = np.indices((2, nozzle.shown_t.size)).reshape(2, -1)
+    axis, time = np.indices((2, nozzle.bin_time.size)).reshape(2, -1)
     content = {
-        "t_s": nozzle.shown_t[time],
+        "t_s": nozzle.bin_time[time],
         "axis": np.array(AXES)[axis],
     }
     for k, name in enumerate(_MOTION):
-        content[name] = nozzle.shown[time, axis, k]
+        content[name] = nozzle.bin_motion[time, axis, k]
     return content

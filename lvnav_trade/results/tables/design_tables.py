@@ -1,4 +1,4 @@
-"""Table of a design space, from the parts in which the designs were evaluated."""
+"""Table of a design space, from the work items in which the designs were evaluated."""
 
 from __future__ import annotations
 
@@ -18,23 +18,24 @@ FILE = "designs.parquet"
 _IDENTITY, _PASSES = b"lvnav_trade.identity", b"lvnav_trade.passes"
 
 
-def table_of(parts: Sequence[Any], identity: str, passes: int) -> pa.Table:
+def table_of(evaluated_designs: Sequence[Any], identity: str, passes: int) -> pa.Table:
     """Return the table `designs`, in the order of the designs' numbers.
 
     Parameters
     ----------
-    parts : sequence of evaluate.EvaluatedDesigns
-        Evaluated designs: number (n,), texts and numbers by column. A column missing in a part is empty there.
+    evaluated_designs : sequence of evaluate_designs.EvaluatedDesigns
+        Evaluated designs by work item: design_number (n,), texts and number_columns by column. A column missing in an
+        item is empty there.
     identity : str
         Origin of the designs, for `earlier_table`.
     passes : int
         Number of covariance passes that were computed.
     """
-    number = np.concatenate([part.number for part in parts])
+    number = np.concatenate([designs.design_number for designs in evaluated_designs])
     order = np.argsort(number, kind="stable")
-    number_columns: dict[str, None] = {}  # names in order of their first part
-    for part in parts:
-        number_columns |= dict.fromkeys(part.numbers)
+    number_columns: dict[str, None] = {}  # names in order of their first item
+    for designs in evaluated_designs:
+        number_columns |= dict.fromkeys(designs.number_columns)
     schema = arrow_schema("designs", tuple(number_columns))
     arrays = []
     for field in schema:
@@ -43,14 +44,14 @@ def table_of(parts: Sequence[Any], identity: str, passes: int) -> pa.Table:
             values = number[order]
         elif field.type == pa.string():
             texts: list[str] = []
-            for part in parts:
-                texts += part.texts[field.name]
+            for designs in evaluated_designs:
+                texts += designs.texts[field.name]
             values = [texts[k] for k in order]
         else:
-            missing = [np.full(len(part.number), np.nan) for part in parts]
+            missing = [np.full(len(designs.design_number), np.nan) for designs in evaluated_designs]
             numbers = []
-            for part, nan in zip(parts, missing, strict=True):
-                numbers.append(part.numbers.get(field.name, nan))
+            for designs, nan in zip(evaluated_designs, missing, strict=True):
+                numbers.append(designs.number_columns.get(field.name, nan))
             values = np.concatenate(numbers)[order]
         arrays.append(column(values, field.type))
     table = pa.table(arrays, schema=schema)
@@ -74,7 +75,7 @@ def passes(table: pa.Table) -> int:
     return int(table.schema.metadata[_PASSES])
 
 
-def impossible(table: pa.Table) -> dict[str, int]:
+def impossible_design_counts(table: pa.Table) -> dict[str, int]:
     """Return the number of impossible designs by reason, the most frequent reason first."""
     counts: Counter[str] = Counter()
     for case, reason in zip(table["case"].to_pylist(), table["reason"].to_pylist(), strict=True):

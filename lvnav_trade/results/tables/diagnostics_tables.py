@@ -8,7 +8,7 @@ from lvnav_trade.covariance.diagnostics.case_diagnostics import CaseDiagnostics
 from lvnav_trade.quantities.records import INJECTION, ORBIT, AdjointBudget, CovHistory, Floats, InjectionLaw
 from lvnav_trade.quantities.state_layout import PROTECTED
 from lvnav_trade.results.tables.run_tables import INJECTION_UNITS
-from lvnav_trade.simulation.preparation.prepare import Prepared
+from lvnav_trade.simulation.preparation.prepare import PreparedCase
 from lvnav_trade.simulation.statistics import NORM
 
 _QUANTITIES = ("attitude", "velocity", "position")
@@ -17,47 +17,49 @@ _UPPER = tuple(zip(*np.triu_indices(3), strict=True))
 Rows = list[dict[str, Any]]
 
 
-def diagnostics_rows(prepared: Prepared, cov: CovHistory, diagnostics: CaseDiagnostics | None) -> dict[str, Rows]:
+def diagnostics_rows(
+    prepared_case: PreparedCase, cov: CovHistory, diagnostics: CaseDiagnostics | None
+) -> dict[str, Rows]:
     """Return the rows of the tables of the requested diagnostics, by table."""
     rows = injection_rows(cov.injection)
-    rows["covariances"] = _total_rows(prepared, cov)
+    rows["covariances"] = _total_rows(prepared_case, cov)
     if diagnostics is None:
         return rows
-    rows["covariances"] += _source_rows(prepared, diagnostics)
+    rows["covariances"] += _source_rows(prepared_case, diagnostics)
     if diagnostics.adjoint:
         rows["adjoint"] = _adjoint_rows(diagnostics.event, diagnostics.adjoint)
-    rows["sensitivity"] = _sensitivity_rows(prepared, diagnostics)
+    rows["sensitivity"] = _sensitivity_rows(prepared_case, diagnostics)
     rows["observability"] = _observability_rows(diagnostics)
     rows["nonlinearity"] = _nonlinearity_rows(diagnostics)
     rows["error_bound"] = _bound_rows(diagnostics)
     rows["allan"] = _allan_rows(diagnostics)
-    rows["protection"] = _protection_rows(prepared, diagnostics)
+    rows["protection"] = _protection_rows(prepared_case, diagnostics)
     return rows
 
 
-def _axis_groups(prepared: Prepared) -> list[list[int]]:
+def _axis_groups(prepared_case: PreparedCase) -> list[list[int]]:
     """Return the outputs of attitude, velocity and position that have three axes; then those of a backup."""
     groups = []
     for quantity in _WITH_BACKUP:
-        group = [k for k, output in enumerate(prepared.outputs) if output.quantity == quantity]
+        group = [k for k, output in enumerate(prepared_case.outputs) if output.quantity == quantity]
         if len(group) == 3:
             groups.append(group)
     return groups
 
 
-def _covariance_rows(prepared: Prepared, group: list[int], true: Floats, formal: Floats) -> Rows:
+def _covariance_rows(prepared_case: PreparedCase, group: list[int], true: Floats, formal: Floats) -> Rows:
     """Return the rows of the upper triangle of a covariance.
 
     Parameters
     ----------
-    prepared : Prepared
+    prepared_case : PreparedCase
         The prepared case, with its outputs.
     group : list of int
         Indices of three outputs.
     true, formal : (3, 3) array
         Covariance of the true error, and covariance assumed by the filter, SI.
     """
-    outputs = [prepared.outputs[k] for k in group]
+    outputs = [prepared_case.outputs[k] for k in group]
     return [
         {
             "quantity": outputs[i].quantity,
@@ -71,30 +73,30 @@ def _covariance_rows(prepared: Prepared, group: list[int], true: Floats, formal:
     ]
 
 
-def _total_rows(prepared: Prepared, cov: CovHistory) -> Rows:
+def _total_rows(prepared_case: PreparedCase, cov: CovHistory) -> Rows:
     """Return the rows of the covariances of all sources together, at the events."""
     rows: Rows = []
-    for event, t in prepared.trajectory.events.items():
+    for event, t in prepared_case.trajectory.events.items():
         k = int(np.argmin(np.abs(cov.t - t)))
         name = {"event": event, "t_s": float(cov.t[k]), "source": ""}
-        for group in _axis_groups(prepared):
+        for group in _axis_groups(prepared_case):
             block = np.ix_(group, group)
             true = cov.true_cov[k][block]
             formal = cov.formal_cov[k][block]
-            entries = _covariance_rows(prepared, group, true, formal)
+            entries = _covariance_rows(prepared_case, group, true, formal)
             rows += [name | entry for entry in entries]
     return rows
 
 
-def _source_rows(prepared: Prepared, diagnostics: CaseDiagnostics) -> Rows:
+def _source_rows(prepared_case: PreparedCase, diagnostics: CaseDiagnostics) -> Rows:
     """Return the rows of the covariances by source, at the events; the filter has no covariance by source."""
     missing = np.full((3, 3), np.nan)
     rows: Rows = []
-    for budget in diagnostics.by_source:
+    for budget in diagnostics.source_covariances:
         for source, covariances in zip(budget.sources, budget.covariance, strict=True):
             name = {"event": budget.event, "t_s": budget.time, "source": source}
-            for group, true in zip(_axis_groups(prepared), covariances, strict=False):
-                rows += [name | entry for entry in _covariance_rows(prepared, group, true, missing)]
+            for group, true in zip(_axis_groups(prepared_case), covariances, strict=False):
+                rows += [name | entry for entry in _covariance_rows(prepared_case, group, true, missing)]
     return rows
 
 
@@ -130,8 +132,8 @@ def _adjoint_rows(event: str, budget: AdjointBudget) -> Rows:
     return rows
 
 
-def _sensitivity_rows(prepared: Prepared, diagnostics: CaseDiagnostics) -> Rows:
-    unit_by_quantity = {output.quantity: output.unit for output in prepared.outputs}
+def _sensitivity_rows(prepared_case: PreparedCase, diagnostics: CaseDiagnostics) -> Rows:
+    unit_by_quantity = {output.quantity: output.unit for output in prepared_case.outputs}
     rows: Rows = []
     for sensitivity in diagnostics.sensitivity:
         for s, source in enumerate(sensitivity.sources):
@@ -144,8 +146,8 @@ def _sensitivity_rows(prepared: Prepared, diagnostics: CaseDiagnostics) -> Rows:
                         "quantity": sensitivity.quantity,
                         "unit": unit_by_quantity[sensitivity.quantity],
                         "factor_ratio": factor,
-                        "frozen_si": float(sensitivity.frozen[s, f]),
-                        "retuned_si": float(sensitivity.retuned[s, f]),
+                        "frozen_si": float(sensitivity.frozen_rms[s, f]),
+                        "retuned_si": float(sensitivity.retuned_rms[s, f]),
                     }
                 )
     return rows
@@ -157,17 +159,17 @@ def _observability_rows(diagnostics: CaseDiagnostics) -> Rows:
             "phase": phase.name,
             "t_s": phase.start,
             "t_end_s": phase.end,
-            "measurement_count": phase.rows,
-            "state_count": len(phase.singular),
+            "measurement_count": phase.measurement_count,
+            "state_count": len(phase.singular_values),
             "rank_count": phase.rank,
             "tolerance_ratio": phase.tolerance,
             "singular_number": k + 1,
             "singular_ratio": float(value),
-            "weakest_direction": phase.weakest,
-            "direction": phase.directions[k] if phase.directions else phase.weakest,
+            "weakest_direction": phase.weakest_direction,
+            "direction": phase.directions[k] if phase.directions else phase.weakest_direction,
         }
         for phase in diagnostics.phases
-        for k, value in enumerate(phase.singular)
+        for k, value in enumerate(phase.singular_values)
     ]
 
 
@@ -175,8 +177,8 @@ def injection_rows(law: InjectionLaw | None) -> dict[str, Rows]:
     """Return the rows of linear covariance of an injection; none without guidance."""
     if law is None:
         return {}
-    if law.why:
-        return {"injection_expected": [{"reason": law.why, "quantity": "", "unit": ""}]}
+    if law.reason:
+        return {"injection_expected": [{"reason": law.reason, "quantity": "", "unit": ""}]}
     return {
         "injection_expected": _expected_rows(law),
         "injection_covariances": _injection_covariance_rows(law),
@@ -239,7 +241,7 @@ def _nonlinearity_rows(diagnostics: CaseDiagnostics) -> Rows:
             "transition_ratio": nonlinearity.transition,
             "measurement_ratio": nonlinearity.rows,
         }
-        for event, nonlinearity in diagnostics.nonlinear
+        for event, nonlinearity in diagnostics.nonlinearities
     ]
 
 
@@ -260,21 +262,21 @@ def _allan_rows(diagnostics: CaseDiagnostics) -> Rows:
     ]
 
 
-def _protection_rows(prepared: Prepared, diagnostics: CaseDiagnostics) -> Rows:
+def _protection_rows(prepared_case: PreparedCase, diagnostics: CaseDiagnostics) -> Rows:
     """Return the protection levels by time, quantity and axis; 3d: the length of the box of the three axes."""
-    protected = diagnostics.protected
-    if protected is None:
+    protection_levels = diagnostics.protection
+    if protection_levels is None:
         return []
-    axes = [output.axis for output in prepared.outputs if output.quantity == "position"]
-    satellites = np.array([*protected.satellites, ""])  # the last is that of no satellite, number -1
+    axes = [output.axis for output in prepared_case.outputs if output.quantity == "position"]
+    satellites = np.array([*protection_levels.satellites, ""])  # the last is that of no satellite, number -1
     rows: Rows = []
     for q, (quantity, unit) in enumerate(PROTECTED.items()):
-        worst = satellites[protected.worst[:, q].astype(int)]
-        level = _append_norm(protected.level[:, q])
-        fault_free = _append_norm(protected.fault_free[:, q])
-        sigma = _append_norm(protected.sigma[:, q])
+        worst = satellites[protection_levels.worst_satellite[:, q].astype(int)]
+        level = _append_norm(protection_levels.level[:, q])
+        fault_free = _append_norm(protection_levels.fault_free_level[:, q])
+        sigma = _append_norm(protection_levels.sigma[:, q])
         for a, axis in enumerate((*axes, "3d")):
-            for k, t in enumerate(protected.t):
+            for k, t in enumerate(protection_levels.t):
                 rows.append(
                     {
                         "t_s": float(t),
@@ -300,8 +302,8 @@ def _bound_rows(diagnostics: CaseDiagnostics) -> Rows:
     bound = diagnostics.bound
     if bound is None:
         return []
-    matrices = [("Q", "initial sigma^2", bound.low, bound.high)]
-    matrices += [("R", unit, low, high) for unit, low, high in bound.rows]
+    matrices = [("Q", "initial sigma^2", bound.smallest_eigenvalue, bound.largest_eigenvalue)]
+    matrices += [("R", unit, low, high) for unit, low, high in bound.noise_bounds]
     return [
         {
             "matrix": matrix,
@@ -309,8 +311,8 @@ def _bound_rows(diagnostics: CaseDiagnostics) -> Rows:
             "lower_bound_si": low,
             "upper_bound_si": high,
             "rank_count": bound.rank,
-            "state_count": bound.states,
-            "weakest_direction": diagnostics.unbounded,
+            "state_count": bound.state_count,
+            "weakest_direction": diagnostics.weakest_direction,
         }
         for matrix, unit, low, high in matrices
     ]

@@ -88,7 +88,7 @@ def rms_column(quantity: str, axis: str, unit: str) -> str:
 OF_OUTPUTS = {"runs": (error_column,), "spot_runs": (error_column,), "interval_errors": (error_column, rms_column)}
 
 
-def kind_of(column: str) -> pa.DataType:
+def column_type(column: str) -> pa.DataType:
     """Return the type of a column by its name: numbers end with their unit, counts and numbers are integers."""
     if column in ("logic", "integrity", "tracked"):
         return pa.bool_()
@@ -103,6 +103,6 @@ def kind_of(column: str) -> pa.DataType:
 def arrow_schema(table: str, extra: tuple[str, ...] = ()) -> pa.Schema:
     """Return the Arrow schema of a table; `extra` names more columns of real numbers at its end."""
     meanings = {"case": _STATED["shared"]["case"], **TABLES[table]}
-    fields = [pa.field(name, kind_of(name), metadata={"meaning": meaning}) for name, meaning in meanings.items()]
+    fields = [pa.field(name, column_type(name), metadata={"meaning": meaning}) for name, meaning in meanings.items()]
     fields += [pa.field(name, pa.float64()) for name in extra]
     return pa.schema(fields)

@@ -31,7 +31,7 @@ class StoredNames(NamedTuple):
 
     def with_present_names(self, name: str, table: pa.Table) -> pa.Table:
         """Return a stored table with the present names of its columns; values and order are unchanged."""
-        present_names = {stored: present for present, stored in self.columns.get(name, {}).items()}
+        present_names = {stored_name: present for present, stored_name in self.columns.get(name, {}).items()}
         return table.rename_columns([present_names.get(column, column) for column in table.column_names])
 
 

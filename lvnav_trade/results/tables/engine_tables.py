@@ -19,7 +19,7 @@ from lvnav_trade.results.tables.table_files import Coded, column
 from lvnav_trade.scenario.scenario import Scenario
 from lvnav_trade.simulation.nozzle import NozzleStatistics
 from lvnav_trade.simulation.preparation.initial_draws import InitialDraws
-from lvnav_trade.simulation.preparation.prepare import Prepared
+from lvnav_trade.simulation.preparation.prepare import PreparedCase
 from lvnav_trade.simulation.statistics import NORM, BlockSummary, add_norms, columns, norm_groups, quantiles
 
 _RUN_TABLES = (
@@ -44,10 +44,10 @@ class CaseInfo(NamedTuple):
 
 def case_tables(
     case: CaseInfo,
-    prepared: Prepared,
+    prepared_case: PreparedCase,
     cov: CovHistory,
     summary: BlockSummary | None,
-    explained: CaseDiagnostics | None = None,
+    diagnostics: CaseDiagnostics | None = None,
     control: NozzleStatistics | None = None,
 ) -> dict[str, pa.Table]:
     """Return the tables of one case whose size does not depend on the number of runs, by name.
@@ -56,33 +56,33 @@ def case_tables(
     ----------
     case : CaseInfo
         Digest, label, axes.
-    prepared : Prepared
+    prepared_case : PreparedCase
         The prepared scenario.
     cov : CovHistory
         Its linear covariance.
     summary : BlockSummary or None
         Statistics of all runs. Without Monte Carlo, columns of the runs are NaN and counts 0.
-    explained : CaseDiagnostics, optional
+    diagnostics : CaseDiagnostics, optional
         Covariance diagnostics.
     control : NozzleStatistics, optional
         Simulation of the vehicle under attitude control.
     """
     contents: dict[str, Any] = {
-        "cases": _cases(case, prepared, summary, explained),
-        "outputs": _outputs(prepared.outputs),
-        "history": _history(prepared.outputs, cov, summary),
-        "consistency": _consistency(prepared, cov, summary),
+        "cases": _cases(case, prepared_case, summary, diagnostics),
+        "outputs": _outputs(prepared_case.outputs),
+        "history": _history(prepared_case.outputs, cov, summary),
+        "consistency": _consistency(prepared_case, cov, summary),
         "innovations": _innovations(cov, summary),
-        "nominal_integrity": integrity_columns(cov.decisions, prepared.channel_names),
+        "nominal_integrity": integrity_columns(cov.decisions, prepared_case.channel_names),
     }
     if summary is not None:
-        contents["whiteness"] = _whiteness(prepared, summary)
+        contents["whiteness"] = _whiteness(prepared_case, summary)
     if cov.sources:
-        contents["budget"] = _budget(prepared, cov)
-    contents |= flight_columns(prepared, cov)
-    contents |= diagnostics_rows(prepared, cov, explained)
-    spot_runs = None if explained is None else explained.spot
-    contents["spot_runs"] = run_columns(prepared.outputs, spot_runs, prepared.channel_names)["runs"]
+        contents["budget"] = _budget(prepared_case, cov)
+    contents |= flight_columns(prepared_case, cov)
+    contents |= diagnostics_rows(prepared_case, cov, diagnostics)
+    spot_runs = None if diagnostics is None else diagnostics.spot_check
+    contents["spot_runs"] = run_columns(prepared_case.outputs, spot_runs, prepared_case.channel_names)["runs"]
     if control is not None:
         contents |= controlled_columns(control)
     tables = {}
@@ -93,7 +93,7 @@ def case_tables(
 
 
 def row_tables(
-    case_id: str, outputs: tuple[Output, ...], part: BlockSummary | None, channels: tuple[str, ...] = ()
+    case_id: str, outputs: tuple[Output, ...], summary: BlockSummary | None, channels: tuple[str, ...] = ()
 ) -> dict[str, pa.Table]:
     """Return the tables with rows for every run, for some runs of a case; empty tables for None.
 
@@ -103,12 +103,12 @@ def row_tables(
         Digest of the case.
     outputs : tuple of Output
         Reported errors of the case.
-    part : BlockSummary or None
+    summary : BlockSummary or None
         Statistics of some runs; None for empty tables.
     channels : tuple of str
         Names of the filter's measurement channels.
     """
-    contents = run_columns(outputs, part, channels)
+    contents = run_columns(outputs, summary, channels)
     return {name: _arrow_table(name, case_id, content) for name, content in contents.items()}
 
 
@@ -170,12 +170,12 @@ def _freedom(covariance: Floats, mean: Floats) -> Floats:
     Two moments are matched (Satterthwaite): E = tr C + m'm, Var = 2 tr C^2 + 4 m'Cm, freedom 2 E^2 / Var.
     """
     total = np.trace(covariance, axis1=1, axis2=2)
-    expected = total + np.sum(mean**2, axis=1)
-    of_covariance = 2.0 * np.sum(covariance**2, axis=(1, 2))
-    of_mean = 4.0 * np.einsum("ni,nij,nj->n", mean, covariance, mean)
-    variance = of_covariance + of_mean
-    is_constant = variance <= 2.0 * expected**2 / _NORM_LIKE_CONSTANT
-    freedom = 2.0 * expected**2 / np.where(is_constant, 1.0, variance)
+    mean_square = total + np.sum(mean**2, axis=1)
+    covariance_term = 2.0 * np.sum(covariance**2, axis=(1, 2))
+    mean_term = 4.0 * np.einsum("ni,nij,nj->n", mean, covariance, mean)
+    variance = covariance_term + mean_term
+    is_constant = variance <= 2.0 * mean_square**2 / _NORM_LIKE_CONSTANT
+    freedom = 2.0 * mean_square**2 / np.where(is_constant, 1.0, variance)
     return np.where(is_constant, _NORM_LIKE_CONSTANT, freedom)
 
 
@@ -204,33 +204,33 @@ def thresholds(scenario: Scenario) -> dict[str, float]:
 # --- one function per table -------------------------------------------------------------------------------------------
 
 
-def _is_tested(prepared: Prepared, explained: CaseDiagnostics | None) -> bool:
+def _is_tested(prepared_case: PreparedCase, diagnostics: CaseDiagnostics | None) -> bool:
     """Whether there are tests for faults: by innovations, between IMUs, or by solution separation."""
-    if prepared.options.integrity is not None:
+    if prepared_case.options.fault_tests is not None:
         return True
-    units = prepared.options.units
-    if units is not None and units.redundant is not None and units.redundant.ticks > 0:
+    units = prepared_case.options.imu_array
+    if units is not None and units.redundant is not None and units.redundant.n_test_tick > 0:
         return True
-    protected = None if explained is None else explained.protected
-    return protected is not None and protected.alarms
+    protection_levels = None if diagnostics is None else diagnostics.protection
+    return protection_levels is not None and protection_levels.alarms
 
 
 def _cases(
-    case: CaseInfo, prepared: Prepared, summary: BlockSummary | None, explained: CaseDiagnostics | None
+    case: CaseInfo, prepared_case: PreparedCase, summary: BlockSummary | None, diagnostics: CaseDiagnostics | None
 ) -> dict[str, Any]:
-    gate = float(np.sqrt(prepared.model.gate_squared))
+    gate = float(np.sqrt(prepared_case.model.gate_squared))
     return {
         "label": case.label,
         "axes": json.dumps(case.axes),
         "run_count": summary.n_run if summary else 0,
         "failed_count": int((summary.failed != 0).sum()) if summary else 0,
-        "nees_dof_count": int(prepared.layout.n_estimated),
+        "nees_dof_count": int(prepared_case.layout.n_estimated),
         "gate_ratio": gate if np.isfinite(gate) else np.nan,
-        "logic": prepared.options.rules is not None,
-        "integrity": _is_tested(prepared, explained),
-        **thresholds(prepared.scenario),
-        "epoch": prepared.trajectory.epoch,
-        "facts": json.dumps(prepared.trajectory.facts, sort_keys=True, default=float),
+        "logic": prepared_case.options.rules is not None,
+        "integrity": _is_tested(prepared_case, diagnostics),
+        **thresholds(prepared_case.scenario),
+        "epoch": prepared_case.trajectory.epoch,
+        "facts": json.dumps(prepared_case.trajectory.facts, sort_keys=True, default=float),
     }
 
 
@@ -253,7 +253,7 @@ def _history(outputs: tuple[Output, ...], cov: CovHistory, summary: BlockSummary
     freedom = [_freedom(cov.true_cov[:, group][:, :, group], cov.mean[:, group]) for group in groups]
     values = {
         **_run_statistics(summary, (n_time, n_column)),
-        "lincov_formal_si": add_norms(cov.formal, outputs),
+        "lincov_formal_si": add_norms(cov.formal_sigma, outputs),
         "lincov_true_si": add_norms(cov.true_sigma, outputs),
         "lincov_mean_si": add_norms(cov.mean, outputs),
         "dof_ratio": np.stack(freedom, axis=1),
@@ -284,7 +284,7 @@ def _run_statistics(summary: BlockSummary | None, shape: tuple[int, int]) -> dic
     }
 
 
-def _consistency(prepared: Prepared, cov: CovHistory, summary: BlockSummary | None) -> dict[str, Any]:
+def _consistency(prepared_case: PreparedCase, cov: CovHistory, summary: BlockSummary | None) -> dict[str, Any]:
     run_count: Any = 0
     nees_mean: Any = np.nan
     if summary is not None:
@@ -294,7 +294,7 @@ def _consistency(prepared: Prepared, cov: CovHistory, summary: BlockSummary | No
         "t_s": cov.t,
         "run_count": run_count,
         "nees_mean_ratio": nees_mean,
-        "nees_dof_count": int(prepared.layout.n_estimated),
+        "nees_dof_count": int(prepared_case.layout.n_estimated),
         "expected_nees_ratio": cov.expected_nees,
     }
 
@@ -312,10 +312,10 @@ def _innovations(cov: CovHistory, summary: BlockSummary | None) -> dict[str, Any
     }
 
 
-def _whiteness(prepared: Prepared, summary: BlockSummary) -> dict[str, Any]:
+def _whiteness(prepared_case: PreparedCase, summary: BlockSummary) -> dict[str, Any]:
     n_lag, n_channel = summary.lag_sum.shape
     return {
-        "channel": np.repeat(prepared.channel_names, n_lag),
+        "channel": np.repeat(prepared_case.channel_names, n_lag),
         "lag_number": np.tile(np.arange(n_lag), n_channel),
         "pair_count": summary.lag_count.T.ravel(),
         "product_sum_ratio": summary.lag_sum.T.ravel(),
@@ -333,11 +333,11 @@ class _Variances(NamedTuple):
     share: Floats
 
 
-def _budget(prepared: Prepared, cov: CovHistory) -> dict[str, Any]:
+def _budget(prepared_case: PreparedCase, cov: CovHistory) -> dict[str, Any]:
     """Split the variance by source: every column at the events, the navigation norms over the history."""
-    stored_columns = columns(prepared.outputs)
+    stored_columns = columns(prepared_case.outputs)
     sigma = np.sqrt(np.maximum(cov.budget, 0.0))
-    variance = add_norms(sigma, prepared.outputs) ** 2
+    variance = add_norms(sigma, prepared_case.outputs) ** 2
     total = variance.sum(axis=1, keepdims=True)
     share = np.divide(variance, total, out=np.zeros_like(variance), where=total > 0)
     variances = _Variances(variance, share)
@@ -346,7 +346,7 @@ def _budget(prepared: Prepared, cov: CovHistory) -> dict[str, Any]:
     all_columns = list(range(len(stored_columns)))
     all_times = np.arange(len(cov.t))
     blocks = [_budget_block("", all_times, norms, stored_columns, cov, variances)]
-    for event, t in prepared.trajectory.events.items():
+    for event, t in prepared_case.trajectory.events.items():
         nearest = np.argmin(np.abs(cov.t - t))
         times = np.array([nearest])
         blocks.append(_budget_block(event, times, all_columns, stored_columns, cov, variances))
@@ -356,7 +356,7 @@ def _budget(prepared: Prepared, cov: CovHistory) -> dict[str, Any]:
 def _budget_block(
     event: str,
     times: NDArray[Any],
-    chosen: list[int],
+    column_indices: list[int],
     stored_columns: tuple[Output, ...],
     cov: CovHistory,
     variances: _Variances,
@@ -369,7 +369,7 @@ def _budget_block(
         Name of the event; empty for times of the history.
     times : (n,) array of int
         Indices in the history.
-    chosen : list of int
+    column_indices : list of int
         Indices of the stored columns.
     stored_columns : tuple of Output
         Stored columns of the case: axes and norms.
@@ -378,16 +378,16 @@ def _budget_block(
     variances : _Variances
         Variance by source.
     """
-    source, k, i = np.indices((len(cov.sources), len(chosen), len(times))).reshape(3, -1)
+    source, k, i = np.indices((len(cov.sources), len(column_indices), len(times))).reshape(3, -1)
     time = times[i]
-    output = np.array(chosen, dtype=int)[k]
+    output = np.array(column_indices, dtype=int)[k]
     return {
         "event": np.full(source.size, event),
         "t_s": cov.t[time],
         "source": np.array(cov.sources)[source],
-        "quantity": np.array([stored_columns[number].quantity for number in chosen])[k],
-        "axis": np.array([stored_columns[number].axis for number in chosen])[k],
-        "unit": np.array([stored_columns[number].unit for number in chosen])[k],
+        "quantity": np.array([stored_columns[number].quantity for number in column_indices])[k],
+        "axis": np.array([stored_columns[number].axis for number in column_indices])[k],
+        "unit": np.array([stored_columns[number].unit for number in column_indices])[k],
         "sigma_si": np.sqrt(variances.variance[time, source, output]),
         "share_ratio": variances.share[time, source, output],
     }

@@ -4,38 +4,38 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from lvnav_trade.gnss.faults import periods, singled_out
+from lvnav_trade.gnss.faults import individual_satellites, periods
 from lvnav_trade.quantities import frames
 from lvnav_trade.quantities.records import IDLE, TRACKING, CovHistory, Floats
 from lvnav_trade.results.tables.table_files import Coded
-from lvnav_trade.simulation.preparation.prepare import Prepared
+from lvnav_trade.simulation.preparation.prepare import PreparedCase
 
 STEP = 5.0  # s between stored states, or the step of the history if that is longer; events are stored as well
 SKY_STEP = 1.0  # s, shortest interval between stored satellite positions; figures do not resolve 10 Hz
 _COMPONENTS = [f"{quantity} {axis}" for quantity in ("velocity", "position") for axis in "xyz"]
 
 
-def flight_columns(prepared: Prepared, cov: CovHistory) -> dict[str, Any]:
+def flight_columns(prepared_case: PreparedCase, cov: CovHistory) -> dict[str, Any]:
     """Return the columns or rows of the tables of the flight, by name of the table."""
     return {
-        "reference": _reference(prepared),
-        "events": event_rows(prepared),
-        "satellites": _satellites(prepared),
-        "transitions": _transitions(prepared),
-        **state_columns(prepared, cov),
+        "reference": _reference(prepared_case),
+        "events": event_rows(prepared_case),
+        "satellites": _satellites(prepared_case),
+        "transitions": _transitions(prepared_case),
+        **state_columns(prepared_case, cov),
     }
 
 
-def _transitions(prepared: Prepared) -> list[dict[str, Any]]:
+def _transitions(prepared_case: PreparedCase) -> list[dict[str, Any]]:
     """Return the changes of the state of a receiver channel."""
     columns = ("t_s", "satellite", "from_state", "to_state", "reason")
-    return [dict(zip(columns, transition, strict=True)) for transition in prepared.sky.transitions]
+    return [dict(zip(columns, transition, strict=True)) for transition in prepared_case.sky.transitions]
 
 
-def _reference(prepared: Prepared) -> dict[str, Any]:
+def _reference(prepared_case: PreparedCase) -> dict[str, Any]:
     """Return the true trajectory at the history times."""
-    t, r_i, v_i, _, f_b, w_ib_b = prepared.motion
-    theta = frames.earth_angle(prepared.trajectory.theta0, t)
+    t, r_i, v_i, _, f_b, w_ib_b = prepared_case.motion
+    theta = frames.earth_angle(prepared_case.trajectory.theta0, t)
     latitude, longitude, altitude = frames.geodetic_from_ecef(frames.ecef_from_eci(r_i, theta))
     return {
         "t_s": t,
@@ -49,10 +49,10 @@ def _reference(prepared: Prepared) -> dict[str, Any]:
     }
 
 
-def event_rows(prepared: Prepared) -> list[dict[str, Any]]:
+def event_rows(prepared_case: PreparedCase) -> list[dict[str, Any]]:
     """Return events and faults, with their times and the satellites that a fault affects individually."""
     rows: list[dict[str, Any]] = []
-    for event, t in prepared.trajectory.events.items():
+    for event, t in prepared_case.trajectory.events.items():
         rows.append(
             {
                 "event": event,
@@ -62,41 +62,43 @@ def event_rows(prepared: Prepared) -> list[dict[str, Any]]:
                 "satellites": "",
             }
         )
-    course = prepared.trajectory.course
-    sky = prepared.sky
-    faults = prepared.scenario.faults
-    affected = singled_out(faults, course, sky.t, tuple(sky.names), sky.elevation, sky.tracked)
+    flight_profile = prepared_case.trajectory.flight_profile
+    sky = prepared_case.sky
+    faults = prepared_case.scenario.faults
+    affected_satellites = individual_satellites(
+        faults, flight_profile, sky.t, tuple(sky.names), sky.elevation, sky.is_tracked
+    )
     for k, fault in enumerate(faults):
         fault_name = f"{fault.kind} {k + 1}"
-        active = periods(k, fault, course)
+        active = periods(k, fault, flight_profile)
         for period_number, (start, end) in enumerate(active, start=1):
             suffix = f".{period_number}" if len(active) > 1 else ""
             rows.append(
                 {
                     "event": f"{fault_name}{suffix}",
                     "kind": "fault",
-                    "t_s": course.begin(start),
-                    "t_end_s": course.instants["end"] if end == np.inf else end,
-                    "satellites": " ".join(affected[k]),
+                    "t_s": flight_profile.begin(start),
+                    "t_end_s": flight_profile.instants["end"] if end == np.inf else end,
+                    "satellites": " ".join(affected_satellites[k]),
                 }
             )
     return rows
 
 
-def _satellites(prepared: Prepared) -> dict[str, Any]:
+def _satellites(prepared_case: PreparedCase) -> dict[str, Any]:
     """Return the satellites above the horizon or with a channel; if there are none, the highest satellite.
 
     So every epoch has at least one row.
     """
-    sky = prepared.sky
-    delays = prepared.delays
+    sky = prepared_case.sky
+    delays = prepared_case.atmospheric_delays
     step = 1  # every n-th epoch is stored
     if len(sky.t) > 1:
         interval = float(np.median(np.diff(sky.t)))
         step = max(1, round(SKY_STEP / interval))
     elevation = sky.elevation[::step]
-    tracked = sky.tracked[::step]
-    is_stored = (elevation > 0.0) | tracked | (sky.state[::step] != IDLE)
+    is_tracked = sky.is_tracked[::step]
+    is_stored = (elevation > 0.0) | is_tracked | (sky.state[::step] != IDLE)
     is_empty = ~np.any(is_stored, axis=1)
     is_stored[is_empty, np.argmax(elevation[is_empty], axis=1)] = True
     epoch, satellite = np.nonzero(is_stored)
@@ -107,7 +109,7 @@ def _satellites(prepared: Prepared) -> dict[str, Any]:
 
     def pick_tracked(values: Any) -> Any:
         """Return the values of stored satellites, NaN unless they are tracked."""
-        return np.where(tracked[epoch, satellite], pick(values), np.nan)
+        return np.where(is_tracked[epoch, satellite], pick(values), np.nan)
 
     troposphere = delays.troposphere[:, :, 0]
     ionosphere = delays.ionosphere[:, :, 0]
@@ -117,7 +119,7 @@ def _satellites(prepared: Prepared) -> dict[str, Any]:
         "system": Coded(sky.systems, satellite),
         "azimuth_rad": pick(sky.azimuth),
         "elevation_rad": pick(sky.elevation),
-        "tracked": pick(sky.tracked),
+        "tracked": pick(sky.is_tracked),
         "state": Coded(TRACKING, pick(sky.state)),
         "antenna_number": pick(sky.antenna).astype(np.int64) + 1,
         "cn0_db_hz": pick(sky.cn0),
@@ -127,7 +129,7 @@ def _satellites(prepared: Prepared) -> dict[str, Any]:
         "troposphere_left_m": pick_tracked(troposphere - delays.modelled_troposphere[:, :, 0]),
         "ionosphere_m": pick_tracked(ionosphere),
         "ionosphere_left_m": pick_tracked(ionosphere - delays.modelled_ionosphere[:, :, 0]),
-        "latency_s": (prepared.t_epoch - sky.t)[::step][epoch],
+        "latency_s": (prepared_case.t_epoch - sky.t)[::step][epoch],
     }
 
 
@@ -135,52 +137,52 @@ class _StoredTimes(NamedTuple):
     """Times of the stored states.
 
     events : (n,). Name of the event; empty between events.
-    places : (n,). Index in the history.
+    indices : (n,). Index in the history.
     """
 
     events: list[str]
-    places: list[int]
+    indices: list[int]
 
 
-def state_columns(prepared: Prepared, cov: CovHistory) -> dict[str, dict[str, Any]]:
+def state_columns(prepared_case: PreparedCase, cov: CovHistory) -> dict[str, dict[str, Any]]:
     """Return the columns of `states` and `joint_covariances`; empty if the outputs have no velocity and position."""
     errors: list[int] = []  # outputs of the errors of velocity and position
     for quantity in ("velocity", "position"):
-        errors += [k for k, output in enumerate(prepared.outputs) if output.quantity == quantity]
+        errors += [k for k, output in enumerate(prepared_case.outputs) if output.quantity == quantity]
     if len(errors) != 6:
         return {"states": {}, "joint_covariances": {}}
-    times = _stored_times(prepared, cov)
+    times = _stored_times(prepared_case, cov)
     # the true state is at the time of the event, its errors at the first sample at or after it, in the axes there
-    motion = prepared.motion
-    t = motion[0][times.places]
-    axes = prepared.record.axes[times.places]
+    motion = prepared_case.motion
+    t = motion[0][times.indices]
+    axes = prepared_case.record.axes[times.indices]
     return {
         "states": {
             "event": times.events,
             "t_s": t,
-            "earth_angle_rad": frames.earth_angle(prepared.trajectory.theta0, t),
-            **_state_components(motion[1][times.places], motion[2][times.places], axes),
+            "earth_angle_rad": frames.earth_angle(prepared_case.trajectory.theta0, t),
+            **_state_components(motion[1][times.indices], motion[2][times.indices], axes),
         },
         "joint_covariances": _joint_covariances(times, t, cov, errors, axes),
     }
 
 
-def _stored_times(prepared: Prepared, cov: CovHistory) -> _StoredTimes:
+def _stored_times(prepared_case: PreparedCase, cov: CovHistory) -> _StoredTimes:
     """Return the times of the events, then those of a grid."""
     first = float(cov.t[0])
     last = float(cov.t[-1])
     events: list[str] = []
-    places: list[int] = []
-    for event, t in prepared.trajectory.events.items():
+    indices: list[int] = []
+    for event, t in prepared_case.trajectory.events.items():
         if first <= t <= last:
             events.append(event)
-            places.append(int(np.argmin(np.abs(cov.t - t))))
+            indices.append(int(np.argmin(np.abs(cov.t - t))))
     grid_times = np.arange(0.0, last + 1e-6, STEP)
     grid = {int(np.argmin(np.abs(cov.t - t))) for t in grid_times}
     no_events = [""] * len(grid)
     return _StoredTimes(
         events=[*events, *no_events],
-        places=[*places, *sorted(grid)],
+        indices=[*indices, *sorted(grid)],
     )
 
 
@@ -199,8 +201,8 @@ def _state_components(r_i: Floats, v_i: Floats, axes: Floats) -> dict[str, Any]:
     dict of str to (n,) array
         Components of position and velocity, and the quaternion of the rotation from the reporting axes to frame i.
     """
-    to_inertial = np.swapaxes(axes, 1, 2)
-    turn = frames.quaternions(to_inertial, continuous=False)  # the rows are not in order of time
+    rotation_to_inertial = np.swapaxes(axes, 1, 2)
+    turn = frames.quaternions(rotation_to_inertial, continuous=False)  # the rows are not in order of time
     content = {f"position_{axis}_m": r_i[:, k] for k, axis in enumerate("xyz")}
     content |= {f"velocity_{axis}_m_per_s": v_i[:, k] for k, axis in enumerate("xyz")}
     content |= {f"axes_q{k}_ratio": turn[:, k] for k in range(4)}
@@ -225,16 +227,16 @@ def _joint_covariances(
     axes : (n, 3, 3) array
         Reporting axes at each time as rows, frame i.
     """
-    n = len(times.places)
-    to_inertial = np.swapaxes(axes, 1, 2)
+    n = len(times.indices)
+    rotation_to_inertial = np.swapaxes(axes, 1, 2)
     turn = np.zeros((n, 6, 6))
-    turn[:, :3, :3] = to_inertial
-    turn[:, 3:, 3:] = to_inertial
+    turn[:, :3, :3] = rotation_to_inertial
+    turn[:, 3:, 3:] = rotation_to_inertial
     back = np.swapaxes(turn, 1, 2)
-    block = np.ix_(times.places, errors, errors)
+    block = np.ix_(times.indices, errors, errors)
     true = turn @ cov.true_cov[block] @ back
     formal = turn @ cov.formal_cov[block] @ back
-    reporting_mean = cov.mean[np.ix_(times.places, errors)]
+    reporting_mean = cov.mean[np.ix_(times.indices, errors)]
     mean = np.einsum("nij,nj->ni", turn, reporting_mean)
     i, j = np.triu_indices(6)
     return {

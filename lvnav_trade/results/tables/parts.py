@@ -55,10 +55,10 @@ def write(folder: Path, summary: BlockSummary, identity: str = "") -> Path:
     table = table.replace_schema_metadata({_IDENTITY: identity, _CHECKSUM: checksum})
     # compression halves the size, but takes as long as three runs; a dictionary is useless for few large values
     replace_table(table, path, use_dictionary=False, write_statistics=False, compression="none")
-    for part in paths(folder):
-        first_run, _ = span(part)
-        if first_run == summary.first_run and part != path:
-            part.unlink(missing_ok=True)
+    for block_file in paths(folder):
+        first_run, _ = span(block_file)
+        if first_run == summary.first_run and block_file != path:
+            block_file.unlink(missing_ok=True)
     return path
 
 
@@ -112,8 +112,8 @@ def is_name(name: str) -> bool:
 
 def paths(folder: Path) -> list[Path]:
     """Return the part files of a case in run order."""
-    parts = [path for path in folder.glob("*-*.parquet") if is_name(path.name)]
-    return sorted(parts, key=span)
+    block_files = [path for path in folder.glob("*-*.parquet") if is_name(path.name)]
+    return sorted(block_files, key=span)
 
 
 def span(path: Path) -> tuple[int, int]:
@@ -139,14 +139,14 @@ def stream(folder: Path, identity: str | None = None, n_run: int | None = None) 
     ValueError
         At once if one of the first `n_run` runs is missing; during the iteration if a part is damaged.
     """
-    parts = [path for path in paths(folder) if n_run is None or sum(span(path)) <= n_run]
+    block_files = [path for path in paths(folder) if n_run is None or sum(span(path)) <= n_run]
     if n_run is not None:
         end = 0
-        for first, count in [*map(span, parts), (n_run, 0)]:
+        for first, count in [*map(span, block_files), (n_run, 0)]:
             if first != end:
                 raise ValueError(f"{folder}: runs {end} to {first - 1} are in no part")
             end = first + count
-    return (read(path, identity) for path in parts)
+    return (read(path, identity) for path in block_files)
 
 
 def _run_identity(identity: str, summary: BlockSummary) -> str:

@@ -17,10 +17,10 @@ from ruamel.yaml.error import YAMLError
 
 from lvnav_trade.quantities.errors import InputError, quoted
 from lvnav_trade.quantities.input_files import read_bytes, refuse_irregular
-from lvnav_trade.results.tables.contents import damaged, is_without_rows, read_manifest, refuse_changed
+from lvnav_trade.results.tables.contents import damaged_file_error, is_without_rows, read_manifest, refuse_changed
 from lvnav_trade.results.tables.dictionary import OF_OUTPUTS, TABLES, arrow_schema
 from lvnav_trade.results.tables.earlier_names import names_of, stored_names
-from lvnav_trade.results.tables.versions import parsed
+from lvnav_trade.results.tables.versions import parse_resolved
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -47,20 +47,20 @@ class Tables:
         self._read: dict[str, pd.DataFrame] = {}
 
     @classmethod
-    def of(cls, tables: Mapping[str, pa.Table], campaign: Mapping[str, Any] | None = None) -> Tables:
+    def from_arrow(cls, tables: Mapping[str, pa.Table], campaign: Mapping[str, Any] | None = None) -> Tables:
         """Return tables in memory, without a folder; campaign: the resolved campaign, if known."""
-        in_memory = cls(Path())
+        memory_tables = cls(Path())
         if campaign is not None:
-            in_memory.__dict__["campaign"] = dict(campaign)
-        in_memory._read = {name: table.to_pandas() for name, table in tables.items()}
-        return in_memory
+            memory_tables.__dict__["campaign"] = dict(campaign)
+        memory_tables._read = {name: table.to_pandas() for name, table in tables.items()}
+        return memory_tables
 
     def with_frames(self, **frames: pd.DataFrame) -> Tables:
         """Return the results with some tables replaced by other frames."""
-        changed = Tables(self.folder)
-        changed._read = self._read | frames
-        changed.__dict__ |= {name: self.__dict__[name] for name in ("campaign", "manifest") if name in self.__dict__}
-        return changed
+        new_tables = Tables(self.folder)
+        new_tables._read = self._read | frames
+        new_tables.__dict__ |= {name: self.__dict__[name] for name in ("campaign", "manifest") if name in self.__dict__}
+        return new_tables
 
     def __getattr__(self, name: str) -> pd.DataFrame:
         if name not in TABLES:
@@ -95,19 +95,19 @@ class Tables:
         path = self.folder / "campaign.resolved.yaml"
         refuse_changed(path)
         try:
-            tree = dict(parsed(read_bytes(path, _RESOLVED_BYTES).decode()))
+            tree = dict(parse_resolved(read_bytes(path, _RESOLVED_BYTES).decode()))
         except (YAMLError, ValueError, TypeError, AttributeError, RecursionError) as error:
-            raise damaged(path, error) from None
+            raise damaged_file_error(path, error) from None
         return tree
 
     @cached_property
     def labels(self) -> dict[str, str]:
         """Label by digest of the case, in the order of the plan; equal labels are extended by the digest."""
         cases = self.cases
-        repeated = set(cases.label[cases.label.duplicated()])
+        repeated_labels = set(cases.label[cases.label.duplicated()])
         labels = {}
         for case, label in zip(cases.case, cases.label, strict=True):
-            labels[case] = f"{label} [{case}]" if label in repeated else label
+            labels[case] = f"{label} [{case}]" if label in repeated_labels else label
         return labels
 
     @cached_property
@@ -117,7 +117,7 @@ class Tables:
         return {case: json.loads(axes) for case, axes in axes_by_case}
 
     @cached_property
-    def people(self) -> dict[tuple[str, str], tuple[str, float]]:
+    def display_units(self) -> dict[tuple[str, str], tuple[str, float]]:
         """Display unit and factor from SI to it, by quantity and axis."""
         display_units = {}
         for row in self.outputs.drop_duplicates(["quantity", "axis"]).itertuples(index=False):
@@ -133,13 +133,13 @@ def _complete_table(name: str, table: pa.Table) -> pa.Table:
     return table
 
 
-def _is_compatible(stored: pa.DataType, expected: pa.DataType) -> bool:
+def _is_compatible(stored_type: pa.DataType, expected_type: pa.DataType) -> bool:
     """Whether two types are both numbers, texts or truth values; their widths may differ."""
-    if pa.types.is_dictionary(stored):
-        stored = stored.value_type
-    if pa.types.is_null(stored):
+    if pa.types.is_dictionary(stored_type):
+        stored_type = stored_type.value_type
+    if pa.types.is_null(stored_type):
         return True
-    return _type_class(stored) == _type_class(expected)
+    return _type_class(stored_type) == _type_class(expected_type)
 
 
 def _type_class(data_type: pa.DataType) -> str:
@@ -201,10 +201,10 @@ def stored_table(folder: Path, name: str) -> pa.Table:
     for field in arrow_schema(name):
         if field.name not in table.column_names:
             continue
-        stored = table.schema.field(field.name).type
-        if not _is_compatible(stored, field.type):
+        stored_type = table.schema.field(field.name).type
+        if not _is_compatible(stored_type, field.type):
             column = quoted(names.column(name, field.name))
-            raise damaged(path, f"the column {column} has values of type {stored}, not {field.type}")
+            raise damaged_file_error(path, f"the column {column} has values of type {stored_type}, not {field.type}")
     return table
 
 
@@ -222,8 +222,8 @@ def _empty_table(folder: Path, name: str) -> pa.Table:
 
 def has_table(folder: Path, name: str) -> bool:
     """Whether `stored_table` finds a table, with or without rows."""
-    stored = stored_names(folder).table(name)
-    return is_without_rows(folder, stored) or (folder / f"{stored}.parquet").exists()
+    stored_name = stored_names(folder).table(name)
+    return is_without_rows(folder, stored_name) or (folder / f"{stored_name}.parquet").exists()
 
 
 def read_table(path: Path) -> pa.Table:
@@ -241,24 +241,24 @@ def read_table(path: Path) -> pa.Table:
         if isinstance(error, OSError) and error.errno is not None:
             raise InputError(f"{path}: cannot be read: {os.strerror(error.errno)}") from None
         first_line = str(error).strip().partition("\n")[0]
-        raise damaged(path, first_line or type(error).__name__) from None
+        raise damaged_file_error(path, first_line or type(error).__name__) from None
 
 
 _Result = TypeVar("_Result")  # frame or list
 
 
-def once(metric: Callable[..., _Result]) -> Callable[..., _Result]:
+def cache_result(metric: Callable[..., _Result]) -> Callable[..., _Result]:
     """Return a function of tables (and of texts) that caches its result with the tables; each caller gets a copy."""
 
     @wraps(metric)
-    def cached(tables: Tables, *texts: str) -> _Result:
+    def cached_metric(tables: Tables, *texts: str) -> _Result:
         key = (metric.__module__, metric.__qualname__, *texts)
         if key not in tables.cache:
             tables.cache[key] = metric(tables, *texts)
         result: Any = tables.cache[key]
         return result.copy()
 
-    return cached
+    return cached_metric
 
 
 def pick(rows: pd.DataFrame, **values: str) -> pd.DataFrame:
@@ -277,8 +277,8 @@ def pick_columns(rows: pd.DataFrame, names: Sequence[str], **values: str) -> lis
     if id(rows) in PLACES:
         positions = _row_positions(rows, values)
         return [rows[name].to_numpy()[positions] for name in names]
-    selected = pick(rows, **values)
-    return [selected[name].to_numpy() for name in names]
+    selected_rows = pick(rows, **values)
+    return [selected_rows[name].to_numpy() for name in names]
 
 
 def _row_positions(rows: pd.DataFrame, values: dict[str, str]) -> Any:
@@ -288,6 +288,6 @@ def _row_positions(rows: pd.DataFrame, values: dict[str, str]) -> Any:
     if columns not in index:
         index[columns] = rows.groupby(list(columns), sort=False).indices
     key = tuple(values.values())
-    nothing = np.empty(0, dtype=np.intp)
+    no_positions = np.empty(0, dtype=np.intp)
     # pandas has the key itself for a single column, and a tuple of keys for several
-    return index[columns].get(key if len(key) > 1 else key[0], nothing)
+    return index[columns].get(key if len(key) > 1 else key[0], no_positions)

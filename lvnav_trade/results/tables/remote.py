@@ -11,7 +11,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from lvnav_trade.quantities.errors import InputError, credentials
-from lvnav_trade.results.tables.contents import CONTENTS, MANIFEST, owned
+from lvnav_trade.results.tables.contents import CONTENTS, MANIFEST, owned_folder
 
 _LAST = (CONTENTS, MANIFEST)  # copied last, since these files say that results are there
 _temporary: list[TemporaryDirectory[str]] = []  # folders of fetched results, until this process ends
@@ -36,7 +36,7 @@ def copy_to(folder: Path, url: str) -> int:
     `refuse_foreign_place`.
     """
     refuse_foreign_place(url)
-    local = owned(folder, "results")
+    local = owned_folder(folder, "results")
     names = sorted(name for name in local.names if local.place(name).is_file() and name not in _LAST)
     with _file_system(url) as (files, place):
         earlier_names: list[str] = []
@@ -53,7 +53,7 @@ def copy_to(folder: Path, url: str) -> int:
     return len(names) + len(_LAST)
 
 
-def fetched(url: str, folder: Path | None = None) -> Path:
+def fetch_results(url: str, folder: Path | None = None) -> Path:
     """Copy results from a place into a folder, and return the folder.
 
     Parameters
@@ -73,7 +73,7 @@ def fetched(url: str, folder: Path | None = None) -> Path:
         folder = Path(_temporary[-1].name)
     elif folder.exists() and any(folder.iterdir()):
         raise InputError(f"{folder}: is not empty; give another folder")
-    local = owned(folder, "results")
+    local = owned_folder(folder, "results")
     with _file_system(url) as (files, place):
         if not files.exists(f"{place}/{MANIFEST}"):
             raise InputError(f"{url}: no results here (no {MANIFEST})")
@@ -93,7 +93,7 @@ def _read_names(files: Any, place: str, url: str) -> list[str]:
     with TemporaryDirectory() as folder:  # read and checked as the list of a local folder
         Path(folder, CONTENTS).write_bytes(files.cat_file(f"{place}/{CONTENTS}"))
         try:
-            return sorted(owned(folder, "results").names)
+            return sorted(owned_folder(folder, "results").names)
         except InputError:
             raise foreign from None
 

@@ -144,7 +144,7 @@ def integrity_columns(decisions: Floats, channels: tuple[str, ...]) -> dict[str,
         from `FIRST_UNIT` downward are IMUs
     channels : names of the filter's measurement channels
     """
-    run, t, isolated, channel = decisions.T
+    run, t, isolated_number, channel = decisions.T
     channel_number = channel.astype(int)
     # The names are indexed by the number of the channel; negative numbers count from the end of the list.
     lowest = int(channel_number.min(initial=0))
@@ -154,7 +154,7 @@ def integrity_columns(decisions: Floats, channels: tuple[str, ...]) -> dict[str,
     return {
         "run_number": run.astype(np.int64),
         "t_s": t,
-        "isolated_element": np.array(ISOLATED)[isolated.astype(int)],
+        "isolated_element": np.array(ISOLATED)[isolated_number.astype(int)],
         "channel": names[channel_number],
     }
 

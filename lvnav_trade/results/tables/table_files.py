@@ -23,7 +23,7 @@ _WHOLE = 2**31  # largest number of rows of a row group: a table is written as o
 # Compression by zstd is a tenth smaller and takes three times as long for few rows
 _PARQUET_OPTIONS = {"compression": "lz4", "write_page_checksum": True}
 _ARROW_OPTIONS = pa.ipc.IpcWriteOptions(compression="lz4")
-_Part = TypeVar("_Part")
+_Item = TypeVar("_Item")
 
 
 @contextmanager
@@ -121,11 +121,13 @@ class RowWriter:
                 waiting = waiting.slice(ROWS)
             self._waiting[name] = waiting
 
-    def noted(self, parts: Iterable[_Part], tables: Callable[[_Part], Mapping[str, pa.Table]]) -> Iterator[_Part]:
-        """Yield parts unchanged, after appending the tables of each part."""
-        for part in parts:
-            self.add(tables(part))
-            yield part
+    def record_tables(
+        self, items: Iterable[_Item], tables: Callable[[_Item], Mapping[str, pa.Table]]
+    ) -> Iterator[_Item]:
+        """Yield items unchanged, after appending the tables of each item."""
+        for item in items:
+            self.add(tables(item))
+            yield item
 
     def end(self) -> None:
         """Write the remaining rows."""
@@ -169,30 +171,30 @@ class Coded(Sequence[str]):
 
     def texts(self) -> pa.StringArray:
         """Return the texts as an Arrow array."""
-        encoded = [text.encode() for text in self.distinct]
+        encoded_texts = [text.encode() for text in self.distinct]
         n = len(self)
-        if len(encoded) == 1:
-            text = encoded[0]
+        if len(encoded_texts) == 1:
+            text = encoded_texts[0]
             offsets = np.arange(n + 1, dtype=np.int32) * np.int32(len(text))
             content = text * n
             return pa.StringArray.from_buffers(n, pa.py_buffer(offsets), pa.py_buffer(content))
-        lengths = map(len, encoded)
+        lengths = map(len, encoded_texts)
         offsets = np.cumsum([0, *lengths], dtype=np.int32)
-        content = b"".join(encoded)
-        distinct = pa.StringArray.from_buffers(len(encoded), pa.py_buffer(offsets), pa.py_buffer(content))
+        content = b"".join(encoded_texts)
+        distinct = pa.StringArray.from_buffers(len(encoded_texts), pa.py_buffer(offsets), pa.py_buffer(content))
         buffers = [None, pa.py_buffer(self.numbers)]
         numbers = pa.Array.from_buffers(pa.int32(), n, buffers)
         return distinct.take(numbers)
 
 
-def column(values: ArrayLike | Iterable[str] | Coded, kind: pa.DataType) -> pa.Array:
+def column(values: ArrayLike | Iterable[str] | Coded, data_type: pa.DataType) -> pa.Array:
     """Return values (n,) as an Arrow array, if possible without a copy.
 
     Parameters
     ----------
     values : array_like, iterable of str or Coded
         Values (n,).
-    kind : pyarrow.DataType
+    data_type : pyarrow.DataType
         Text, real or whole number, or truth value.
 
     Raises
@@ -202,20 +204,20 @@ def column(values: ArrayLike | Iterable[str] | Coded, kind: pa.DataType) -> pa.A
     """
     if isinstance(values, Coded):
         return values.texts()
-    if kind == pa.string():
+    if data_type == pa.string():
         if isinstance(values, np.ndarray):
             return texts(values.tolist())
         return texts(list(values))  # type: ignore[arg-type]
     array: NDArray[Any] = np.asarray(values)
-    dtype = np.dtype(_DTYPES[kind])
+    dtype = np.dtype(_DTYPES[data_type])
     if array.size == 0:
         array = array.astype(dtype)  # numpy converts an empty list to real numbers
     array = np.ascontiguousarray(array.astype(dtype, casting="same_kind", copy=False))
-    if kind == pa.bool_():
+    if data_type == pa.bool_():
         content = np.packbits(array, bitorder="little")
     else:
         content = array
-    return pa.Array.from_buffers(kind, array.size, [None, pa.py_buffer(content)])
+    return pa.Array.from_buffers(data_type, array.size, [None, pa.py_buffer(content)])
 
 
 def texts(values: list[str]) -> pa.StringArray:

@@ -57,8 +57,8 @@ def tool_version() -> str:
 def code_digest() -> str:
     """Return a digest of all source files that affect numbers: parts of different versions must not be mixed."""
     files: list[Path] = []
-    for room in _COMPUTES:
-        files += (PACKAGE / room).rglob("*.py")
+    for package in _COMPUTES:
+        files += (PACKAGE / package).rglob("*.py")
     digest = hashlib.sha256()
     for path in sorted(files):
         digest.update(str(path.relative_to(PACKAGE)).encode())
@@ -67,7 +67,7 @@ def code_digest() -> str:
 
 
 @lru_cache(maxsize=4)
-def parsed(resolved_yaml: str) -> dict[str, Any]:
+def parse_resolved(resolved_yaml: str) -> dict[str, Any]:
     """Return the tree of a resolved campaign; it is cached and must not be changed, as parsing takes long."""
     return dict(ruamel.yaml.YAML(typ="safe", pure=True).load(resolved_yaml) or {})
 
@@ -78,7 +78,7 @@ def campaign_digest(resolved_yaml: str) -> str:
     The number of runs, requirements, references and the report do not enter, so that changing them permits resuming.
     """
     settings: dict[str, Any] = {}
-    for key, value in parsed(resolved_yaml).items():
+    for key, value in parse_resolved(resolved_yaml).items():
         if key not in _SETTINGS_WITHOUT_EFFECT:
             settings[key] = without_marks(value)
     monte_carlo = settings.get("monte_carlo")
@@ -150,6 +150,6 @@ def across_machines() -> dict[str, Any]:
     bit_equal = ["outputs", "initial_draws"]  # no rounded numbers: random draws are keyed and exact on all machines
     tolerances = {"nonlinearity": 1e-2}  # differences of close numbers: measured 8e-4, of the other tables 1e-7
     # text with rounded numbers; directions of singular values that are zero up to rounding are arbitrary
-    undetermined = {"cases": ["facts"], "observability": ["direction", "weakest_direction"]}
+    undetermined_columns = {"cases": ["facts"], "observability": ["direction", "weakest_direction"]}
     tolerance = {name: tolerances.get(name, 1e-6) for name in TABLES if name not in bit_equal}
-    return {"bit_equal": bit_equal, "tolerance": tolerance, "undetermined": undetermined}
+    return {"bit_equal": bit_equal, "tolerance": tolerance, "undetermined": undetermined_columns}

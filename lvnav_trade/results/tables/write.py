@@ -23,7 +23,7 @@ from lvnav_trade.results.tables.contents import (
     RUN_FILES,
     OwnedFolder,
     digests,
-    owned,
+    owned_folder,
 )
 from lvnav_trade.results.tables.dictionary import TABLES, arrow_schema
 from lvnav_trade.results.tables.engine_tables import CaseInfo, case_tables, row_tables, starts_table, traces_table
@@ -41,17 +41,17 @@ from lvnav_trade.results.tables.table_files import (
 from lvnav_trade.results.tables.versions import across_machines, campaign_digest, environment, results_version
 from lvnav_trade.simulation.nozzle import NozzleStatistics
 from lvnav_trade.simulation.preparation.initial_draws import InitialDraws
-from lvnav_trade.simulation.preparation.prepare import Prepared
+from lvnav_trade.simulation.preparation.prepare import PreparedCase
 from lvnav_trade.simulation.statistics import BlockSummary, merge
 
 # Libraries whose version affects rounding
 _LIBRARIES = ("numpy", "numba", "scipy")
 
 
-Each = Callable[[Callable[..., Any], Sequence[tuple[Any, ...]]], Iterable[Any]]
+TaskRunner = Callable[[Callable[..., Any], Sequence[tuple[Any, ...]]], Iterable[Any]]
 
 
-def one_by_one(function: Callable[..., Any], items: Sequence[tuple[Any, ...]]) -> Iterable[Any]:
+def run_serially(function: Callable[..., Any], items: Sequence[tuple[Any, ...]]) -> Iterable[Any]:
     """Call a function for every work item, in this process."""
     return (function(*item) for item in items)
 
@@ -60,7 +60,7 @@ class ResultsWriter:
     """Folder of the results of a campaign, open for writing."""
 
     def __init__(self, folder: OwnedFolder, manifest: dict[str, Any]) -> None:
-        self.folder, self.owned, self.manifest = folder.folder, folder, manifest
+        self.folder, self.owned_folder, self.manifest = folder.folder, folder, manifest
 
     def case_folder(self, case_id: str) -> Path:
         """Return the folder of the parts of a case."""
@@ -70,11 +70,11 @@ class ResultsWriter:
         """Return the origin of a part or scratch file of a case, as text."""
         return identity_of(self.manifest, case_id)
 
-    def write_part(self, case_id: str, summary: BlockSummary) -> Path:
+    def write_block(self, case_id: str, summary: BlockSummary) -> Path:
         """Write the statistics of a block atomically; a shorter part with the same first run is replaced."""
         return part_files.write(self.case_folder(case_id), summary, self.identity_of_case(case_id))
 
-    def done(self, case_id: str) -> list[tuple[int, int]]:
+    def block_spans(self, case_id: str) -> list[tuple[int, int]]:
         """Return first run and number of runs of each valid part.
 
         Parts that are damaged, or of another campaign, case or code, are deleted with a warning.
@@ -82,8 +82,8 @@ class ResultsWriter:
         part_files.drop_damaged(self.case_folder(case_id), self.identity_of_case(case_id))
         return [part_files.span(path) for path in part_files.paths(self.case_folder(case_id))]
 
-    def parts(self, case_id: str, n_run: int | None = None) -> Iterator[BlockSummary]:
-        """Return the parts of a case (of its first `n_run` runs) in order, with one part in memory at a time.
+    def block_summaries(self, case_id: str, n_run: int | None = None) -> Iterator[BlockSummary]:
+        """Return the statistics of the parts of a case (of its first `n_run` runs) in order, one in memory at a time.
 
         A ValueError is raised if such a run is missing or a part is damaged.
         """
@@ -92,10 +92,10 @@ class ResultsWriter:
     def write_case(
         self,
         case: CaseInfo,
-        prepared: Prepared,
+        prepared_case: PreparedCase,
         cov: CovHistory,
-        parts: Iterable[BlockSummary] | None,
-        explained: CaseDiagnostics | None = None,
+        summaries: Iterable[BlockSummary] | None,
+        diagnostics: CaseDiagnostics | None = None,
         starts: InitialDraws | None = None,
         control: NozzleStatistics | None = None,
     ) -> None:
@@ -105,13 +105,13 @@ class ResultsWriter:
         ----------
         case : CaseInfo
             Digest, label, axes.
-        prepared : Prepared
+        prepared_case : PreparedCase
             The prepared scenario.
         cov : CovHistory
             Its linear covariance.
-        parts : iterable of BlockSummary or None
+        summaries : iterable of BlockSummary or None
             Statistics of its runs in their order, one in memory at a time; None without Monte Carlo.
-        explained : CaseDiagnostics, optional
+        diagnostics : CaseDiagnostics, optional
             Covariance diagnostics.
         starts : InitialDraws, optional
             Initial and turn-on draws of the runs.
@@ -121,15 +121,15 @@ class ResultsWriter:
         folder = self.case_folder(case.id) / "tables"
         folder.mkdir(parents=True, exist_ok=True)
         summary = None
-        with row_files(folder, row_tables(case.id, prepared.outputs, None)) as rows:
-            if parts is not None:
-                tables = partial(row_tables, case.id, prepared.outputs, channels=prepared.channel_names)
-                summary = merge(rows.noted(parts, tables), rows=False)
+        with row_files(folder, row_tables(case.id, prepared_case.outputs, None)) as rows:
+            if summaries is not None:
+                tables = partial(row_tables, case.id, prepared_case.outputs, channels=prepared_case.channel_names)
+                summary = merge(rows.record_tables(summaries, tables), rows=False)
         with row_files(folder, starts_table(case.id, None)) as rows:
             if starts is not None:
                 for piece in starts.pieces():
                     rows.add(starts_table(case.id, piece))
-        for name, table in case_tables(case, prepared, cov, summary, explained, control).items():
+        for name, table in case_tables(case, prepared_case, cov, summary, diagnostics, control).items():
             file = folder / f"{name}{CASE_TABLE}"
             has_output_columns = table.num_columns > len(TABLES[name]) + 1
             if table.num_rows or has_output_columns:
@@ -142,12 +142,12 @@ class ResultsWriter:
         files = (self.case_folder(case_id) / "tables").glob(f"*{CASE_TABLE}")
         return tuple(sorted((path.name, path.stat().st_size) for path in files))
 
-    def write_traces(self, case_id: str, prepared: Prepared, blocks: Iterable[RunBlock]) -> None:
+    def write_traces(self, case_id: str, prepared_case: PreparedCase, blocks: Iterable[RunBlock]) -> None:
         """Write time histories of runs, given as blocks of one run each, to the tables of a case."""
-        table = traces_table(case_id, prepared.outputs, blocks)
+        table = traces_table(case_id, prepared_case.outputs, blocks)
         write_case_table(table, self.case_folder(case_id) / "tables" / f"traces{CASE_TABLE}")
 
-    def take(self, folder: Path, cases: Iterable[str]) -> None:
+    def copy_cases(self, folder: Path, cases: Iterable[str]) -> None:
         """Copy the parts and scratch files of cases from the folder of a shard."""
         for case in cases:
             for path in part_files.paths(folder / "parts" / case):
@@ -155,13 +155,16 @@ class ResultsWriter:
                 replace_file(self.case_folder(case) / path.name, path.read_bytes())
             scratch.copy(folder / scratch.FOLDER, self.folder / scratch.FOLDER, case)
 
-    def leave(self, extra_manifest: dict[str, Any]) -> None:
+    def finish_shard(self, extra_manifest: dict[str, Any]) -> None:
         """Finish a shard: write its manifest; a shard has no tables."""
         self.manifest |= extra_manifest
         _write_json(self.folder / MANIFEST, self.manifest)
 
     def finish(
-        self, extra_manifest: dict[str, Any], trace: Callable[[Path], None] | None = None, each: Each = one_by_one
+        self,
+        extra_manifest: dict[str, Any],
+        trace: Callable[[Path], None] | None = None,
+        task_runner: TaskRunner = run_serially,
     ) -> None:
         """Write the tables of all cases, and the manifest, which is the only file with times of day.
 
@@ -174,31 +177,32 @@ class ResultsWriter:
             are omitted.
         trace : callable, optional
             Called when all tables except the time histories of single runs exist; it may write these.
-        each : callable
+        task_runner : callable
             Calls a function for work items, one per table, possibly by worker processes.
         """
-        with_tables = [case for case in extra_manifest["cases"] if (self.case_folder(case) / "tables").is_dir()]
-        self._merge_tables([name for name in TABLES if name not in ("traces", "designs")], with_tables, each)
+        cases_with_tables = [case for case in extra_manifest["cases"] if (self.case_folder(case) / "tables").is_dir()]
+        merged_names = [name for name in TABLES if name not in ("traces", "designs")]
+        self._merge_tables(merged_names, cases_with_tables, task_runner)
         if not (self.folder / design_tables.FILE).exists():
-            self.owned.remove("run", [design_tables.FILE])
+            self.owned_folder.remove("run", [design_tables.FILE])
         if trace is not None:
             trace(self.folder)
-        self._merge_tables(["traces"], with_tables, one_by_one)
+        self._merge_tables(["traces"], cases_with_tables, run_serially)
         self.manifest |= extra_manifest
         files = [self.folder / RESOLVED, *(self.folder / f"{name}.parquet" for name in TABLES)]
         self.manifest |= {
             DIGESTS: digests(files),
-            "cases": with_tables,
+            "cases": cases_with_tables,
             "across_machines": across_machines(),
             "finished": _now(),
         }
-        self.owned.claim("run", (), with_tables)
+        self.owned_folder.claim("run", (), cases_with_tables)
         _write_json(self.folder / MANIFEST, self.manifest)
 
-    def choose(self, cases: Mapping[str, str], about: Mapping[str, Any]) -> None:
+    def add_cases(self, cases: Mapping[str, str], entries: Mapping[str, Any]) -> None:
         """Add cases (label by digest) and further entries to the manifest."""
-        self.owned.claim("run", (), cases)
-        self.manifest |= {"asked_cases": dict(cases), **about}
+        self.owned_folder.claim("run", (), cases)
+        self.manifest |= {"asked_cases": dict(cases), **entries}
         _write_json(self.folder / MANIFEST, self.manifest)
 
     def write_designs(self, table: pa.Table) -> None:
@@ -216,16 +220,16 @@ class ResultsWriter:
 
     def remove_case_tables(self) -> None:
         """Remove the tables of single cases, whose rows are in the tables of all cases."""
-        self.owned.remove_case_tables()
+        self.owned_folder.remove_case_tables()
 
     def remove_blocks(self) -> None:
         """Remove the blocks of runs. Their results are in the tables, but further runs then start again with run 0."""
-        self.owned.remove_blocks()
+        self.owned_folder.remove_blocks()
 
-    def _merge_tables(self, names: Sequence[str], cases: Sequence[str], each: Each) -> None:
+    def _merge_tables(self, names: Sequence[str], cases: Sequence[str], task_runner: TaskRunner) -> None:
         """Write the tables of all cases, and remove earlier files of tables without rows."""
-        written = each(self.merge_table, [(name, cases) for name in names])
-        self.owned.remove("run", [f"{name}.parquet" for name, rows in written if not rows])
+        merged_tables = task_runner(self.merge_table, [(name, cases) for name in names])
+        self.owned_folder.remove("run", [f"{name}.parquet" for name, rows in merged_tables if not rows])
 
     def merge_table(self, name: str, cases: Sequence[str]) -> tuple[str, bool]:
         """Merge a table of all cases unless it has no rows; return its name and whether it has rows."""
@@ -287,29 +291,29 @@ def open_results(
     Raises
     ------
     InputError
-        The folder contains other files (see `contents.owned`) or cannot be written. With "resume": its parts are of
-        another version of the code or of another campaign; the number of runs, requirements, references and report
+        The folder contains other files (see `contents.owned_folder`) or cannot be written. With "resume": its parts are
+        of another version of the code or of another campaign; the number of runs, requirements, references and report
         may differ.
     """
     folder = Path(folder)
-    place = owned(folder, "results")
+    results_folder = owned_folder(folder, "results")
     identity = {"campaign": campaign_name, "campaign_digest": campaign_digest(resolved_yaml), **environment()}
     with writing(folder, "the results folder cannot be written", resumes=True):
         if mode == "fresh":
-            place.clear()
+            results_folder.clear()
         else:
-            _refuse_other_results(place, identity)
-        place.claim("run", RUN_FILES, manifest.get("asked_cases", ()))
-        place.sweep()
+            _refuse_other_results(results_folder, identity)
+        results_folder.claim("run", RUN_FILES, manifest.get("asked_cases", ()))
+        results_folder.sweep()
         replace_file(folder / RESOLVED, resolved_yaml)
-        results = ResultsWriter(place, {**manifest, **identity, "created": _now()})
+        results = ResultsWriter(results_folder, {**manifest, **identity, "created": _now()})
         _write_json(folder / MANIFEST, results.manifest)
     return results
 
 
-def _refuse_other_results(place: OwnedFolder, identity: dict[str, Any]) -> None:
+def _refuse_other_results(results_folder: OwnedFolder, identity: dict[str, Any]) -> None:
     """Raise an InputError if a folder has results of another campaign or code."""
-    folder = place.folder
+    folder = results_folder.folder
     path = folder / MANIFEST
     if not path.exists():
         return
@@ -321,8 +325,8 @@ def _refuse_other_results(place: OwnedFolder, identity: dict[str, Any]) -> None:
         raise InputError(f"{path}: not a manifest ({error}); use --fresh to start again") from error
     is_other_campaign = manifest.get("campaign_digest") != identity["campaign_digest"]
     other_code = difference(manifest, identity)
-    if (is_other_campaign or other_code) and place.is_without_results():
-        place.clear()  # a campaign that failed in its first case has only written its description
+    if (is_other_campaign or other_code) and results_folder.is_without_results():
+        results_folder.clear()  # a campaign that failed in its first case has only written its description
     elif is_other_campaign:
         raise InputError(f"{folder}: holds the results of another campaign; use --fresh, or another folder")
     elif other_code:

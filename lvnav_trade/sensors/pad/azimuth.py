@@ -12,15 +12,15 @@ import numpy as np
 from pydantic import Field
 
 from lvnav_trade.kernels.attitude import matrix
-from lvnav_trade.kernels.earth import height_and_up
+from lvnav_trade.kernels.earth import height_and_normal
 from lvnav_trade.kernels.jit import jit
 from lvnav_trade.kernels.lanes import sqrt
 from lvnav_trade.kernels.strapdown import Q, R
 from lvnav_trade.quantities.frames import matrices, rotation_i_n
 from lvnav_trade.quantities.records import Bools, Floats
 from lvnav_trade.quantities.units import AngleSigma
-from lvnav_trade.sensors.jacobian_row import H_ATT, clear, turned
-from lvnav_trade.sensors.pad.standing import StandingCard
+from lvnav_trade.sensors.jacobian_row import H_ATT, add_angle_error, clear
+from lvnav_trade.sensors.pad.standing import PadSensorCard
 from lvnav_trade.sensors.sensor import Check, CorrelatedError, Evidence, FlightView, Registration, SensorModel
 
 _STEEPEST = 0.5  # smallest horizontal component of the mirror's normal for a measurement
@@ -32,7 +32,7 @@ class AzimuthModel(SensorModel):
     sigma: AngleSigma = Field(gt=0.0)
 
 
-class AzimuthCard(StandingCard):
+class AzimuthCard(PadSensorCard):
     """Azimuth of a mirror on the vehicle (its normal is the body's y axis), seen from the ground."""
 
     measurement: ClassVar[str] = "azimuth"
@@ -50,12 +50,12 @@ class AzimuthCard(StandingCard):
         normal = self._normal(flight)
         return np.arctan2(normal[:, 1].copy(), normal[:, 0].copy())[:, None]
 
-    def available(self, flight: FlightView) -> Bools:
+    def is_available(self, flight: FlightView) -> Bools:
         """Return whether the vehicle is at rest and the mirror's normal near enough to the horizon, (n_epoch,) bool."""
         horizontal = np.linalg.norm(self._normal(flight)[:, :2], axis=1)
-        return flight.standing & (horizontal > _STEEPEST)
+        return flight.is_at_rest & (horizontal > _STEEPEST)
 
-    def lasting(self) -> tuple[CorrelatedError, ...]:
+    def correlated_errors(self) -> tuple[CorrelatedError, ...]:
         """Return its bias."""
         return (CorrelatedError("azimuth bias", "azimuth_bias", self.bias, "bias", math.inf),)
 
@@ -82,28 +82,28 @@ def measure(out, truth, e0):
     """
     cosine = math.cos(truth[0])
     sine = math.sin(truth[0])
-    out[0], out[1] = turned(cosine, sine, e0)
+    out[0], out[1] = add_angle_error(cosine, sine, e0)
 
 
 @jit
-def fill(H, z, at, observed, nav):
+def fill(H, z, first_row, measurement, nav):
     """Set the Jacobian row of an azimuth and its innovation.
 
     Parameters
     ----------
     H : (n, n_entry)
-        Jacobian rows of the epoch; that at `at` is set.
+        Jacobian rows of the epoch; that at `first_row` is set.
     z : (n,)
-        Innovations; that at `at` is set (rad).
-    at : int
+        Innovations; that at `first_row` is set (rad).
+    first_row : int
         Index of the scalar measurement.
-    observed : (4,)
+    measurement : (4,)
         Cosine and sine of the measured azimuth in the first two entries.
     nav : (10,)
         Navigation state, frame i.
     """
     # axes of the local horizon: u up, e east, n north
-    _, ux, uy, uz = height_and_up(nav[R], nav[R + 1], nav[R + 2])
+    _, ux, uy, uz = height_and_normal(nav[R], nav[R + 1], nav[R + 2])
     level_square = ux * ux + uy * uy
     scale = 1.0 / sqrt(level_square)
     ex = -uy * scale
@@ -122,15 +122,15 @@ def fill(H, z, at, observed, nav):
     horizontal_square = north * north + east * east
     inverse_square = 1.0 / horizontal_square
     # arc sine, to third order, of the sine of measured minus predicted azimuth
-    cross_product = observed[1] * north - observed[0] * east
+    cross_product = measurement[1] * north - measurement[0] * east
     sine = cross_product * sqrt(inverse_square)
-    z[at] = sine * (1.0 + sine * sine * (1.0 / 6.0))
+    z[first_row] = sine * (1.0 + sine * sine * (1.0 / 6.0))
     # d - (m . d / |m_h|^2) m_h, with d = -u and m_h = north n + east e
     tilt = up * inverse_square
     horizontal_x = north * nx + east * ex
     horizontal_y = north * ny + east * ey
     horizontal_z = north * nz
-    h = H[at]
+    h = H[first_row]
     clear(h)
     h[H_ATT] = tilt * horizontal_x - ux
     h[H_ATT + 1] = tilt * horizontal_y - uy

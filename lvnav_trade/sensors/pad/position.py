@@ -14,7 +14,7 @@ from lvnav_trade.quantities.frames import ecef_from_eci
 from lvnav_trade.quantities.records import Floats
 from lvnav_trade.quantities.units import LengthSigma
 from lvnav_trade.sensors.jacobian_row import H_POS
-from lvnav_trade.sensors.pad.standing import RestCard, begin_rows, to_earth
+from lvnav_trade.sensors.pad.standing import PadVectorCard, begin_rows, earth_components
 from lvnav_trade.sensors.sensor import (
     Check,
     CorrelatedError,
@@ -32,7 +32,7 @@ class PadPositionModel(SensorModel):
     sigma: LengthSigma = Field(gt=0.0)
 
 
-class PadPositionCard(RestCard):
+class PadPositionCard(PadVectorCard):
     """The surveyed position of the IMU of a vehicle at rest on its pad."""
 
     measurement: ClassVar[str] = "pad_position"
@@ -50,36 +50,36 @@ class PadPositionCard(RestCard):
         """Return the position at rest (n_epoch, 3) in m, frame e."""
         return ecef_from_eci(flight.r_rest, flight.theta)
 
-    def lasting(self) -> tuple[CorrelatedError, ...]:
+    def correlated_errors(self) -> tuple[CorrelatedError, ...]:
         """Return the error of the survey."""
         error = CorrelatedError("pad survey", "survey", self.survey, "survey", math.inf, self.labels, each_scalar(3))
         return (error,)
 
 
 @jit
-def fill(H, z, at, observed, nav, theta):
+def fill(H, z, first_row, measurement, nav, theta):
     """Set the Jacobian rows of a known position and its innovations.
 
     Parameters
     ----------
     H : (n, n_entry)
-        Jacobian rows of the epoch; three from `at` on are set.
+        Jacobian rows of the epoch; three from `first_row` on are set.
     z : (n,)
-        Innovations; three from `at` on are set (m, frame e).
-    at : int
+        Innovations; three from `first_row` on are set (m, frame e).
+    first_row : int
         Index of the first scalar measurement.
-    observed : (4,)
+    measurement : (4,)
         Surveyed position (m, frame e) in the first three entries.
     nav : (10,)
         Navigation state, frame i.
     theta : float
         Earth angle (rad).
     """
-    x, y = to_earth(theta, nav[R], nav[R + 1])
-    z[at] = observed[0] - x
-    z[at + 1] = observed[1] - y
-    z[at + 2] = observed[2] - nav[R + 2]
-    begin_rows(H, at, H_POS, theta)
+    x, y = earth_components(theta, nav[R], nav[R + 1])
+    z[first_row] = measurement[0] - x
+    z[first_row + 1] = measurement[1] - y
+    z[first_row + 2] = measurement[2] - nav[R + 2]
+    begin_rows(H, first_row, H_POS, theta)
 
 
 SENSORS = (

@@ -4,44 +4,44 @@ import math
 from typing import ClassVar
 
 from lvnav_trade.kernels.jit import jit
-from lvnav_trade.kernels.lanes import like
+from lvnav_trade.kernels.lanes import number_like
 from lvnav_trade.quantities.records import Bools
 from lvnav_trade.sensors.jacobian_row import clear
 from lvnav_trade.sensors.sensor import FlightView, SensorCard
 
 
-class StandingCard(SensorCard):
+class PadSensorCard(SensorCard):
     """A sensor on the pad, available from the start of the flight until the vehicle moves from its pad.
 
     The measurement assumes a vehicle at rest on the rotating Earth. Sway and twist of the trajectory (its oscillation)
     are errors of the measurement.
     """
 
-    on_pad: ClassVar[bool] = True
-    able: ClassVar[str] = "the vehicle stands on its pad"
+    is_on_pad: ClassVar[bool] = True
+    availability_phrase: ClassVar[str] = "the vehicle stands on its pad"
 
-    def available(self, flight: FlightView) -> Bools:
+    def is_available(self, flight: FlightView) -> Bools:
         """Return whether the vehicle is at rest, (n_epoch,) bool."""
-        return flight.standing
+        return flight.is_at_rest
 
 
-class RestCard(StandingCard):
+class PadVectorCard(PadSensorCard):
     """A measurement of a vehicle at rest by axis of frame e: zero velocity, zero rotation, or constant position."""
 
     labels: ClassVar[tuple[str, ...]] = ("x", "y", "z")
     noise_fields: ClassVar[tuple[str, ...]] = ("jitter",)
-    at_once: ClassVar[bool] = True
+    has_no_latency: ClassVar[bool] = True
 
 
 @jit
-def begin_rows(H, at, entry, theta):
+def begin_rows(H, first_row, entry, theta):
     """Clear three Jacobian rows and set three of their columns to the matrix C_i_e.
 
     Parameters
     ----------
     H : (n, n_entry)
-        Jacobian rows of the epoch; three from `at` on are set.
-    at : int
+        Jacobian rows of the epoch; three from `first_row` on are set.
+    first_row : int
         Index of the first scalar measurement.
     entry : int
         First column of the matrix, as `H_POS`.
@@ -49,22 +49,22 @@ def begin_rows(H, at, entry, theta):
         Earth angle (rad).
     """
     for axis in range(3):
-        clear(H[at + axis])
-    zero = H[at, entry]
+        clear(H[first_row + axis])
+    zero = H[first_row, entry]
     c = math.cos(theta)
     s = math.sin(theta)
-    x_row = H[at]
-    y_row = H[at + 1]
-    z_row = H[at + 2]
-    x_row[entry] = like(zero, c)
-    x_row[entry + 1] = like(zero, s)
-    y_row[entry] = like(zero, -s)
-    y_row[entry + 1] = like(zero, c)
-    z_row[entry + 2] = like(zero, 1.0)
+    x_row = H[first_row]
+    y_row = H[first_row + 1]
+    z_row = H[first_row + 2]
+    x_row[entry] = number_like(zero, c)
+    x_row[entry + 1] = number_like(zero, s)
+    y_row[entry] = number_like(zero, -s)
+    y_row[entry + 1] = number_like(zero, c)
+    z_row[entry + 2] = number_like(zero, 1.0)
 
 
 @jit
-def to_earth(theta, x, y):
+def earth_components(theta, x, y):
     """Return the x and y components in frame e of a vector in frame i; z is the same in both.
 
     Parameters

@@ -18,7 +18,7 @@ from lvnav_trade.quantities.records import Floats
 from lvnav_trade.quantities.units import AngleSigma
 from lvnav_trade.sensors.attitude_reference import measure
 from lvnav_trade.sensors.jacobian_row import H_ATT
-from lvnav_trade.sensors.pad.standing import RestCard, begin_rows
+from lvnav_trade.sensors.pad.standing import PadVectorCard, begin_rows
 from lvnav_trade.sensors.sensor import (
     Check,
     CorrelatedError,
@@ -42,7 +42,7 @@ class ZeroRotationModel(SensorModel):
     attitude: AngleSigma = Field(gt=0.0, description="of the extra state standing_attitude: its initial one-sigma")
 
 
-class ZeroRotationCard(RestCard):
+class ZeroRotationCard(PadVectorCard):
     """Constant attitude relative to the Earth while the vehicle is at rest on its pad, known to `attitude`."""
 
     measurement: ClassVar[str] = "zero_rotation"
@@ -62,7 +62,7 @@ class ZeroRotationCard(RestCard):
         """Return the attitude at rest (n_epoch, 4), a quaternion from body to frame e."""
         return quaternions(rotation_i_e(flight.theta) @ matrices(flight.q_rest))
 
-    def lasting(self) -> tuple[CorrelatedError, ...]:
+    def correlated_errors(self) -> tuple[CorrelatedError, ...]:
         """Return the error of the attitude known in advance."""
         error = CorrelatedError(
             "standing attitude",
@@ -77,7 +77,7 @@ class ZeroRotationCard(RestCard):
 
 
 @jit
-def fill(H, z, at, observed, nav, theta):
+def fill(H, z, first_row, measurement, nav, theta):
     """Set the Jacobian rows of the attitude at rest and its innovations.
 
     The innovation is the small rotation from the estimated to the measured attitude.
@@ -85,12 +85,12 @@ def fill(H, z, at, observed, nav, theta):
     Parameters
     ----------
     H : (n, n_entry)
-        Jacobian rows of the epoch; three from `at` on are set.
+        Jacobian rows of the epoch; three from `first_row` on are set.
     z : (n,)
-        Innovations; three from `at` on are set (rad, frame e).
-    at : int
+        Innovations; three from `first_row` on are set (rad, frame e).
+    first_row : int
         Index of the first scalar measurement.
-    observed : (4,)
+    measurement : (4,)
         Measured quaternion, body to frame e.
     nav : (10,)
         Navigation state, frame i.
@@ -100,17 +100,17 @@ def fill(H, z, at, observed, nav, theta):
     # estimated attitude relative to frame e, which is rotated by theta about z
     c, s = math.cos(0.5 * theta), math.sin(0.5 * theta)
     q0, q1, q2, q3 = multiply(c, 0.0, 0.0, -s, nav[Q], nav[Q + 1], nav[Q + 2], nav[Q + 3])
-    z[at], z[at + 1], z[at + 2] = small_rotation(
-        observed[0],
-        observed[1],
-        observed[2],
-        observed[3],
+    z[first_row], z[first_row + 1], z[first_row + 2] = small_rotation(
+        measurement[0],
+        measurement[1],
+        measurement[2],
+        measurement[3],
         q0,
         q1,
         q2,
         q3,
     )
-    begin_rows(H, at, H_ATT, theta)
+    begin_rows(H, first_row, H_ATT, theta)
 
 
 SENSORS = (

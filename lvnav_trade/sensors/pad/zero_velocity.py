@@ -11,12 +11,12 @@ from pydantic import Field
 
 from lvnav_trade.kernels.earth import OMEGA
 from lvnav_trade.kernels.jit import jit
-from lvnav_trade.kernels.lanes import like
+from lvnav_trade.kernels.lanes import number_like
 from lvnav_trade.kernels.strapdown import R, V
 from lvnav_trade.quantities.records import Floats
 from lvnav_trade.quantities.units import SpeedSigma
 from lvnav_trade.sensors.jacobian_row import H_POS, H_VEL
-from lvnav_trade.sensors.pad.standing import RestCard, begin_rows, to_earth
+from lvnav_trade.sensors.pad.standing import PadVectorCard, begin_rows, earth_components
 from lvnav_trade.sensors.sensor import Check, Evidence, FlightView, Registration, SensorModel
 
 
@@ -26,7 +26,7 @@ class ZeroVelocityModel(SensorModel):
     sigma: SpeedSigma = Field(gt=0.0)
 
 
-class ZeroVelocityCard(RestCard):
+class ZeroVelocityCard(PadVectorCard):
     """Zero velocity relative to the Earth while the vehicle is at rest on its pad."""
 
     measurement: ClassVar[str] = "zero_velocity"
@@ -45,18 +45,18 @@ class ZeroVelocityCard(RestCard):
 
 
 @jit
-def fill(H, z, at, observed, nav, theta):
+def fill(H, z, first_row, measurement, nav, theta):
     """Set the Jacobian rows of the velocity relative to the Earth and its innovations.
 
     Parameters
     ----------
     H : (n, n_entry)
-        Jacobian rows of the epoch; three from `at` on are set.
+        Jacobian rows of the epoch; three from `first_row` on are set.
     z : (n,)
-        Innovations; three from `at` on are set (m/s, frame e).
-    at : int
+        Innovations; three from `first_row` on are set (m/s, frame e).
+    first_row : int
         Index of the first scalar measurement.
-    observed : (4,)
+    measurement : (4,)
         Measured velocity (m/s, frame e) in the first three entries.
     nav : (10,)
         Navigation state, frame i.
@@ -66,20 +66,20 @@ def fill(H, z, at, observed, nav, theta):
     # velocity relative to the Earth: vel - Omega x pos
     relative_x = nav[V] + OMEGA * nav[R + 1]
     relative_y = nav[V + 1] - OMEGA * nav[R]
-    x, y = to_earth(theta, relative_x, relative_y)
-    z[at] = observed[0] - x
-    z[at + 1] = observed[1] - y
-    z[at + 2] = observed[2] - nav[V + 2]
-    begin_rows(H, at, H_VEL, theta)
+    x, y = earth_components(theta, relative_x, relative_y)
+    z[first_row] = measurement[0] - x
+    z[first_row + 1] = measurement[1] - y
+    z[first_row + 2] = measurement[2] - nav[V + 2]
+    begin_rows(H, first_row, H_VEL, theta)
     # derivative by position: -C_i_e Omega x
     c = OMEGA * math.cos(theta)
     s = OMEGA * math.sin(theta)
-    x_row = H[at]
-    y_row = H[at + 1]
-    x_row[H_POS] = like(z[at], -s)
-    x_row[H_POS + 1] = like(z[at], c)
-    y_row[H_POS] = like(z[at], -c)
-    y_row[H_POS + 1] = like(z[at], -s)
+    x_row = H[first_row]
+    y_row = H[first_row + 1]
+    x_row[H_POS] = number_like(z[first_row], -s)
+    x_row[H_POS + 1] = number_like(z[first_row], c)
+    y_row[H_POS] = number_like(z[first_row], -c)
+    y_row[H_POS + 1] = number_like(z[first_row], -s)
 
 
 SENSORS = (

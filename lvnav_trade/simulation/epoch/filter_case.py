@@ -10,8 +10,8 @@ from lvnav_trade.filter.receivers.receiver import N_STATE as N_RX
 from lvnav_trade.filter.receivers.receiver import POS as RX_POS
 from lvnav_trade.filter.receivers.receiver import VEL as RX_VEL
 from lvnav_trade.kernels.jit import jit
-from lvnav_trade.kernels.lanes import like, where
-from lvnav_trade.simulation.preparation.prepare import Prepared
+from lvnav_trade.kernels.lanes import number_like, where
+from lvnav_trade.simulation.preparation.prepare import PreparedCase
 
 
 class FilterCase(NamedTuple):
@@ -38,17 +38,17 @@ class FilterCase(NamedTuple):
     step: float
 
 
-def case_of(prepared: Prepared, **changed: Any) -> FilterCase:
+def case_of(prepared_case: PreparedCase, **changed: Any) -> FilterCase:
     """Return the filter inputs of a prepared case, with some fields replaced."""
-    tick = prepared.unit.dt
+    tick = prepared_case.unit.dt
     case = FilterCase(
-        prepared.schedule,
-        prepared.signals,
-        prepared.sensors,
-        prepared.model,
-        prepared.options,
+        prepared_case.schedule,
+        prepared_case.signals,
+        prepared_case.sensors,
+        prepared_case.model,
+        prepared_case.options,
         tick,
-        tick * prepared.model.strapdown.subsamples,
+        tick * prepared_case.model.strapdown.subsamples,
     )
     return case._replace(**changed)
 
@@ -73,7 +73,7 @@ transition_errors : TransitionErrors. Error of the filter's transition.
 units : ImuArrayWork. IMU array.
 backup : filter.policies.backup.Backup. Backup strapdown, which is never corrected.
 previous_epoch : filter.policies.epoch_differences.PreviousEpoch. Differences of two epochs.
-previous_observables : (n_sat, n_kind). Observables of the epoch before, from which differences are formed.
+previous_observables : (n_sat, n_observable). Observables of the epoch before, from which differences are formed.
 sigma_points : filter.policies.unscented.SigmaPoints. Sigma points.
 monitor : filter.policies.integrity.state.Monitor. Tests for faults.
 iteration : filter.policies.iterated.IterationWork. Iterated update.
@@ -104,21 +104,26 @@ def _store_estimate_error(work, receiver, solution_error, filtering, point_model
     for i in range(N_FIX):
         state = RX_POS + i if i < 3 else RX_VEL + i - 3 if i < 6 else RX_BIAS + i - 6
         estimate = receiver.fix[i] if filtering is None else receiver.nav[state]
-        true = like(estimate, point[i]) if i < 6 else work.clock[i - 6]
+        true = number_like(estimate, point[i]) if i < 6 else work.clock[i - 6]
         error = true - estimate
         last_error = solution_error.error[state]
         solution_error.error[state] = where(valid, error, last_error)
 
 
 @jit
-def _store_error(run, work, parts, solver, report, epoch):
+def _store_error(run, work, optional_state, solver, report, epoch):
     """Store the error of the last solution and the innovations of the receiver (run number, or None)."""
     if run is not None:
         _store_estimate_error(
-            work, parts.receiver, parts.solution_error, solver.filter, solver.point, report.point[epoch]
+            work,
+            optional_state.receiver,
+            optional_state.solution_error,
+            solver.filter,
+            solver.point,
+            report.point[epoch],
         )
         for i in range(report.n_channel):
-            work.innovation[epoch, report.first_channel + i] = parts.receiver.innovation[i]
+            work.innovation[epoch, report.first_channel + i] = optional_state.receiver.innovation[i]
 
 
 @jit
@@ -150,27 +155,27 @@ def _store_point_covariance(P, inverse, point_model, valid):
 
 
 @jit
-def _store_covariance(joint, solved, epoch):
+def _store_covariance(joint, has_solution, epoch):
     """Store the error covariance of the last solution by source, and its mean (Joint, or None)."""
-    if joint is not None and solved[epoch]:
-        out = joint.out
+    if joint is not None and has_solution[epoch]:
+        results = joint.results
         state = joint.state
-        true = joint.true
-        first = true.solution
-        n = out.held_mean.shape[0]
-        for source in range(true.group.shape[0]):
-            g = true.group[source]
-            lane = true.lane[source]
+        components = joint.components
+        first = components.solution
+        n = results.solution_mean.shape[0]
+        for source in range(components.group.shape[0]):
+            g = components.group[source]
+            lane = components.lane[source]
             P = state.sources[g, ..., lane]
             for i in range(n):
                 for j in range(n):
-                    out.held[source, i, j] = P[first + i, first + j]
+                    results.solution_covariance[source, i, j] = P[first + i, first + j]
         for i in range(n):
-            out.held_mean[i] = state.mean[first + i]
+            results.solution_mean[i] = state.mean[first + i]
 
 
 @jit
-def hold_solution(work, parts, joint, solved, solver, report, epoch):
+def hold_solution(work, optional_state, joint, has_solution, solver, report, epoch):
     """Store the error of the receiver's last solution at its time of validity.
 
     In a run: error, formal covariance and innovations of the receiver's filter. In linear covariance: error covariance
@@ -178,13 +183,13 @@ def hold_solution(work, parts, joint, solved, solver, report, epoch):
 
     Parameters
     ----------
-    work, parts : arrays of the run and of its optional features
+    work, optional_state : arrays of the run and of its optional features
     joint : Joint, or None in a run
-    solved : (n_epoch,) whether the receiver has a solution on the nominal flight; None in a run
+    has_solution : (n_epoch,) whether the receiver has a solution on the nominal flight; None in a run
     solver : Solver, or None in linear covariance
     report : ReportedSolution, or None if the errors of the solution are not reported
     epoch : index
     """
     if report is not None:
-        _store_error(parts.run, work, parts, solver, report, epoch)
-        _store_covariance(joint, solved, epoch)
+        _store_error(optional_state.run, work, optional_state, solver, report, epoch)
+        _store_covariance(joint, has_solution, epoch)

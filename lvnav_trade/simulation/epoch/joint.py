@@ -6,11 +6,11 @@ error for delayed measurements. The true covariance is a sum over error sources,
 
 from typing import Any, NamedTuple
 
-from lvnav_trade.filter.policies.delay import place_of_channel
+from lvnav_trade.filter.policies.delay import channel_ring_index
 from lvnav_trade.filter.updates import has_reported_covariance
 from lvnav_trade.kernels.covariance import enter, update_covariance, update_vector
 from lvnav_trade.kernels.jit import jit
-from lvnav_trade.kernels.lanes import group, total_of, whole
+from lvnav_trade.kernels.lanes import group, group_view, lane_total
 from lvnav_trade.kernels.transition import POS, VEL
 from lvnav_trade.sensors.jacobian_row import N_ENTRY
 
@@ -24,15 +24,15 @@ class Joint(NamedTuple):
     state : covariance.workspace.JointCovariance. True covariance by source, and mean; updated.
     scratch : covariance.workspace.Scratch. Work arrays.
     tape : covariance.workspace.UpdateTape. Record for the backward pass.
-    out : covariance.workspace.PassResults. Results.
-    true : covariance.components.Components. True error components.
+    results : covariance.workspace.PassResults. Results.
+    components : covariance.components.Components. True error components.
     """
 
     state: Any
     scratch: Any
     tape: Any
-    out: Any
-    true: Any
+    results: Any
+    components: Any
 
 
 class NominalFlight(NamedTuple):
@@ -54,25 +54,25 @@ class NominalFlight(NamedTuple):
 def _record(tape, gain, h, epoch, channel):
     """Record an update on the tape, if a backward pass is requested."""
     if tape.channel.shape[0] > 0:
-        k = tape.used[0]
+        k = tape.n_recorded[0]
         for i in range(gain.shape[0]):
             tape.gain[k, i] = gain[i]
         for i in range(h.shape[0]):
             tape.h[k, i] = h[i]
         tape.epoch[k] = epoch
         tape.channel[k] = channel
-        tape.used[0] = k + 1
+        tape.n_recorded[0] = k + 1
 
 
 @jit
-def _enter_component(state, scratch, true, c, a):
+def _enter_component(state, scratch, components, c, a):
     """Add the effect of an error component c on an update, after the update of the states.
 
     The innovation depends on the component with the partial derivative a, so x changes by -k a c, k the gain.
 
     Parameters
     ----------
-    state, scratch, true : JointCovariance, Scratch, Components; the first two are updated in place
+    state, scratch, components : JointCovariance, Scratch, Components; the first two are updated in place
     c : index of the component
     a : partial derivative of the innovation
 
@@ -81,24 +81,24 @@ def _enter_component(state, scratch, true, c, a):
     float
         Contribution to the innovation variance, 2 a Cov(h x, c) + a^2 Var(c).
     """
-    source = true.source[c]
-    slot = true.slot[c]
-    g = true.group[source]
-    lane = true.lane[source]
+    source = components.source[c]
+    slot = components.slot[c]
+    g = components.group[source]
+    lane = components.lane[source]
     gain = scratch.gain
-    shift = scratch.shift
+    state_effect = scratch.state_effect
     variance = state.variance[g, slot, 0, lane]
     for i in range(gain.shape[0]):
-        shift[i] = -a * gain[i]
+        state_effect[i] = -a * gain[i]
     P = state.sources[g, ..., lane]
     cross = state.cross[g, slot, ..., lane]
-    enter(P, cross, variance, shift, 0)
-    covariance = scratch.seen[g, slot, 0, lane]  # Cov(h x, c)
+    enter(P, cross, variance, state_effect, 0)
+    covariance = scratch.measurement_covariance[g, slot, 0, lane]  # Cov(h x, c)
     return 2.0 * a * covariance + a * a * variance
 
 
 @jit
-def component_partial(h, signals, true, family, epoch, channel, error_in_states):
+def component_partial(h, signals, components, family, epoch, channel, error_in_states):
     """Return the component of an error family that enters a channel, and its partial derivative.
 
     The derivative is that of the innovation beyond the dependence on filter states: the true derivative minus that of
@@ -107,7 +107,7 @@ def component_partial(h, signals, true, family, epoch, channel, error_in_states)
     Parameters
     ----------
     h : Jacobian row of the measurement
-    signals, true : Signals, Components
+    signals, components : Signals, Components
     family : error family. For a decorrelated solution the number of the component: the error itself is part of the
         error of the solution, so only the correction by the estimated state enters
     epoch, channel : indices
@@ -118,26 +118,26 @@ def component_partial(h, signals, true, family, epoch, channel, error_in_states)
     int, float
         Component, -1 none, and partial derivative, SI.
     """
-    shared = signals.shared
-    if true.noise_source[channel] < 0 and not error_in_states:  # a difference: its errors are states
+    correlated_errors = signals.correlated_errors
+    if components.noise_source[channel] < 0 and not error_in_states:  # a difference: its errors are states
         return -1, 0.0
     if error_in_states:
-        extra = shared.extra[family]
+        extra = correlated_errors.extra[family]
         if extra < 0:
             return -1, 0.0
         return family, -h[N_ENTRY + extra]
-    measured = measured_channel(signals, channel)
-    block = true.shared_family[family]
-    modelled = signals.partial[block, epoch, channel] if block >= 0 else 0.0
-    component = shared.member[family, measured]
-    partial = shared.partial[family, epoch, measured]
-    return component, partial - modelled
+    true_channel = measured_channel(signals, channel)
+    block = components.modelling_block[family]
+    modelled_partial = signals.partial[block, epoch, channel] if block >= 0 else 0.0
+    component = correlated_errors.member[family, true_channel]
+    partial = correlated_errors.partial[family, epoch, true_channel]
+    return component, partial - modelled_partial
 
 
 @jit
 def n_entering(signals, error_in_states):
     """Return the number of error families that may enter a measurement; of components for a decorrelated solution."""
-    return signals.shared.extra.shape[0] if error_in_states else signals.shared.member.shape[0]
+    return signals.correlated_errors.extra.shape[0] if error_in_states else signals.correlated_errors.member.shape[0]
 
 
 @jit
@@ -147,37 +147,37 @@ def measured_channel(signals, channel):
 
 
 @jit
-def _update_shared(state, scratch, h, signals, true, epoch, channel, error_in_states):
+def _update_correlated_errors(state, scratch, h, signals, components, epoch, channel, error_in_states):
     """Add the correlated measurement errors that enter an update; return their part of the innovation variance."""
     total = 0.0
     for family in range(n_entering(signals, error_in_states)):
-        m, a = component_partial(h, signals, true, family, epoch, channel, error_in_states)
+        m, a = component_partial(h, signals, components, family, epoch, channel, error_in_states)
         if m >= 0 and a != 0.0:
-            component = true.first_shared + m
-            total += _enter_component(state, scratch, true, component, a)
+            component = components.first_correlated + m
+            total += _enter_component(state, scratch, components, component, a)
     return total
 
 
 @jit
-def _update_imus(state, scratch, true, epoch, channel):
+def _update_imus(state, scratch, components, epoch, channel):
     """Add the IMU errors that enter a measured difference of two IMUs; return their part of the innovation variance."""
     total = 0.0
-    row = true.differences.of[channel]
+    row = components.imu_differences.row_index[channel]
     if row >= 0:
-        for c in range(true.first_shared):
-            a = true.differences.reach[row, epoch, c]
+        for c in range(components.first_correlated):
+            a = components.imu_differences.jacobian[row, epoch, c]
             if a != 0.0:
-                total += _enter_component(state, scratch, true, c, a)
+                total += _enter_component(state, scratch, components, c, a)
     return total
 
 
 @jit
-def _update_sources(state, scratch, true, h, entries, columns, source, noise):
+def _update_sources(state, scratch, components, h, entries, columns, source, noise):
     """Update the covariance of every source, and the cross covariances with its components, by `scratch.gain`.
 
     Parameters
     ----------
-    state, scratch, true : JointCovariance, Scratch, Components; the first two are updated in place
+    state, scratch, components : JointCovariance, Scratch, Components; the first two are updated in place
     h : Jacobian row
     entries, columns : (n_entry,) entries of the row that are not zero, and their states
     source, noise : source of the white measurement noise, and its variance
@@ -189,21 +189,21 @@ def _update_sources(state, scratch, true, h, entries, columns, source, noise):
     """
     total = noise
     gain = scratch.gain
-    noise_group = true.group[source]
-    noise_lane = true.lane[source]
+    noise_group = components.group[source]
+    noise_lane = components.lane[source]
     if noise > 0.0:
         scratch.noise[noise_group, 0, 0, noise_lane] = noise
-    for g in range(true.n_slot.shape[0]):
+    for g in range(components.n_slot.shape[0]):
         P = group(state.sources, g)
-        spread = whole(scratch.spread)
+        innovation_variance = group_view(scratch.innovation_variance)
         noise_by_source = group(scratch.noise, g)[0, 0]
-        spread[0] = update_covariance(P, whole(scratch.y), gain, h, entries, columns, noise_by_source)
-        total += total_of(scratch.spread)
+        innovation_variance[0] = update_covariance(P, group_view(scratch.y), gain, h, entries, columns, noise_by_source)
+        total += lane_total(scratch.innovation_variance)
         cross = group(state.cross, g)
-        predicted = group(scratch.seen, g)
-        for k in range(true.n_slot[g]):
-            if true.has_cross[g, k]:
-                predicted[k, 0] = update_vector(cross[k], gain, h, entries, columns)
+        measurement_covariance = group(scratch.measurement_covariance, g)
+        for k in range(components.n_slot[g]):
+            if components.has_cross[g, k]:
+                measurement_covariance[k, 0] = update_vector(cross[k], gain, h, entries, columns)
     if noise > 0.0:
         scratch.noise[noise_group, 0, 0, noise_lane] = 0.0
     return total
@@ -225,18 +225,18 @@ def _update_truth(joint, h, innovation, signals, place, epoch, channel, error_in
     """
     state = joint.state
     scratch = joint.scratch
-    true = joint.true
+    components = joint.components
     gain = scratch.gain
-    n_entry = true.n_entry[channel]
-    entries = true.entry[place, channel, :n_entry]
-    columns = true.column[place, channel, :n_entry]
+    n_entry = components.n_entry[channel]
+    entries = components.entry[place, channel, :n_entry]
+    columns = components.column[place, channel, :n_entry]
     _record(joint.tape, gain, h, epoch, channel)
-    source = true.noise_source[channel]
+    source = components.noise_source[channel]
     is_in_states = error_in_states or source < 0
     noise = 0.0 if is_in_states else signals.sigma[epoch, measured_channel(signals, channel)] ** 2
-    total = _update_sources(state, scratch, true, h, entries, columns, source, noise)
-    total += _update_shared(state, scratch, h, signals, true, epoch, channel, error_in_states)
-    total += _update_imus(state, scratch, true, epoch, channel)
+    total = _update_sources(state, scratch, components, h, entries, columns, source, noise)
+    total += _update_correlated_errors(state, scratch, h, signals, components, epoch, channel, error_in_states)
+    total += _update_imus(state, scratch, components, epoch, channel)
     # mean error after the update: (I - k h) m - k z, z the deterministic innovation; h m + z is the mean innovation
     mean = state.mean
     offset = update_vector(mean, gain, h, entries, columns) + innovation
@@ -246,11 +246,11 @@ def _update_truth(joint, h, innovation, signals, place, epoch, channel, error_in
 
 
 @jit
-def _correct_clones(gain, clone, late):
+def _correct_clones(gain, clone, delays):
     """Extend the gain to the clones of stored states, which the filter corrects as well (DelayProcessing, or None)."""
-    if late is not None:
-        for place in range(late.buffered.shape[0]):
-            if late.buffered[place]:
+    if delays is not None:
+        for place in range(delays.is_buffered.shape[0]):
+            if delays.is_buffered[place]:
                 first = clone + N_CLONE * place
                 for i in range(N_NAV):
                     gain[first + i] = gain[i]
@@ -281,21 +281,21 @@ def follow_update(joint, work, case, weight, epoch, row, channel):
     """
     if joint is not None and weight > 0.0:
         model = case.model
-        late = case.options.late
+        delays = case.options.delay_processing
         gain = joint.scratch.gain
-        out = joint.out
+        results = joint.results
         _set_gain(gain, work, weight, case.options.gains, model.n_estimated, epoch, channel)
-        _correct_clones(gain, joint.true.clone, late)
+        _correct_clones(gain, joint.components.clone, delays)
         error_in_states = has_reported_covariance(model, channel)
-        place = place_of_channel(late, channel, epoch)
+        place = channel_ring_index(delays, channel, epoch)
         h = work.H[row]
         innovation = work.z[row]
         square = _update_truth(joint, h, innovation, case.signals, place, epoch, channel, error_in_states)
         _clear(work.x)
         square = square * weight  # expected square of the normalised innovation
-        out.expected_nis[epoch] += square
-        out.row_ratio[epoch, row] = max(out.row_ratio[epoch, row], square)
-        out.n_row[epoch] += 1
+        results.expected_nis[epoch] += square
+        results.expected_row_nis[epoch, row] = max(results.expected_row_nis[epoch, row], square)
+        results.n_row[epoch] += 1
 
 
 @jit
@@ -306,23 +306,23 @@ def _clear(x):
 
 
 @jit
-def follow_clock(joint, work, case, weight, epoch, row, kind):
+def follow_clock(joint, work, case, weight, epoch, row, observable):
     """Update every source and the mean as the filter does when a reference satellite determines the clock.
 
     Parameters
     ----------
     joint, work, case, weight, epoch, row : as in `follow_update`
-    kind : index of the observable of the satellite
+    observable : index of the observable of the satellite
     """
     if joint is not None and weight > 0.0:
         model = case.model
         signals = case.signals
         gain = joint.scratch.gain
         for i in range(gain.shape[0]):
-            gain[i] = model.clock_gain[kind, i] if i < model.n_state else 0.0
-        satellite = signals.used[epoch, row // model.n_kind]
-        channel = model.n_kind * satellite + kind
-        place = place_of_channel(case.options.late, channel, epoch)
+            gain[i] = model.clock_gain[observable, i] if i < model.n_state else 0.0
+        satellite = signals.satellite_by_slot[epoch, row // model.n_observable]
+        channel = model.n_observable * satellite + observable
+        place = channel_ring_index(case.options.delay_processing, channel, epoch)
         h = work.H[row]
         innovation = work.z[row]
         _update_truth(joint, h, innovation, signals, place, epoch, channel, False)
@@ -347,20 +347,20 @@ def start_joint(joint, work, case, mode_state, rules, epoch):
         _clear(work.x)
         if rules.from_gnss and mode_state.sample[1] > 0.0:
             gain = joint.scratch.gain
-            error_in_states = case.model.has_covariance
+            error_in_states = case.model.has_reported_covariance
             for row in range(6):
                 state = POS + row if row < 3 else VEL + row - 3
                 for i in range(gain.shape[0]):
                     gain[i] = 1.0 if i == state else 0.0
-                _correct_clones(gain, joint.true.clone, case.options.late)
-                place = place_of_channel(case.options.late, row, epoch)
+                _correct_clones(gain, joint.components.clone, case.options.delay_processing)
+                place = channel_ring_index(case.options.delay_processing, row, epoch)
                 h = work.H[row]
                 innovation = work.z[row]
                 _update_truth(joint, h, innovation, case.signals, place, epoch, row, error_in_states)
 
 
 @jit
-def innovation_of(joint, work, late, epoch, row, channel):
+def innovation_of(joint, work, delays, epoch, row, channel):
     """Return the innovation of a scalar measurement for tests, before its prediction by the error state is subtracted.
 
     In a run it is `work.z`. In the joint covariance it is the mean, the innovation of a run without noise.
@@ -369,12 +369,12 @@ def innovation_of(joint, work, late, epoch, row, channel):
     ----------
     joint : Joint; None in a run
     work : Work or Nominal
-    late : DelayProcessing, or None
+    delays : DelayProcessing, or None
     epoch, row, channel : indices
     """
     if joint is None:
         return work.z[row]
-    place = place_of_channel(late, channel, epoch)
+    place = channel_ring_index(delays, channel, epoch)
     mean_innovation = _mean_innovation(joint, work.H[row], place, channel)
     return work.z[row] + mean_innovation
 
@@ -382,9 +382,9 @@ def innovation_of(joint, work, late, epoch, row, channel):
 @jit
 def _mean_innovation(joint, h, place, channel):
     """Return the mean of an innovation by the mean of the joint states, h m."""
-    true = joint.true
+    components = joint.components
     mean = joint.state.mean
     total = 0.0
-    for k in range(true.n_entry[channel]):
-        total += h[true.entry[place, channel, k]] * mean[true.column[place, channel, k]]
+    for k in range(components.n_entry[channel]):
+        total += h[components.entry[place, channel, k]] * mean[components.column[place, channel, k]]
     return total

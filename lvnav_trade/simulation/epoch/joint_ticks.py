@@ -2,7 +2,7 @@
 
 from lvnav_trade.kernels.attitude import cross, matrix
 from lvnav_trade.kernels.jit import jit
-from lvnav_trade.kernels.lanes import group, like, whole
+from lvnav_trade.kernels.lanes import group, group_view, number_like
 from lvnav_trade.kernels.processes import profile_value
 from lvnav_trade.kernels.transition import CONSTANT, GYRO, OTHER_0, OTHER_2, OWN_0, OWN_2, SQUARE, sensed_driver
 from lvnav_trade.kernels.vehicle import (
@@ -18,7 +18,7 @@ from lvnav_trade.kernels.vehicle import (
 
 
 @jit
-def unit_input(frames, c, driver, own, other):
+def unit_input(frames, c, driver, own_input, other_input):
     """Return the driver of an error parameter of sensing axis c.
 
     Parameters
@@ -26,36 +26,36 @@ def unit_input(frames, c, driver, own, other):
     frames : (3, 3, 3) direction and misalignment directions of each axis, body axes
     c : sensing axis
     driver : as in `kernels.transition`
-    own, other : (3,) inputs of the sensor itself and of the other sensor, body axes
+    own_input, other_input : (3,) inputs of the sensor itself and of the other sensor, body axes
     """
     if driver < 0 or driver == CONSTANT:
         return 1.0
     k = 0
-    sensed = own
+    sensor_input = own_input
     if OWN_0 <= driver and driver <= OWN_2:
         k = driver - OWN_0
     elif OTHER_0 <= driver and driver <= OTHER_2:
         k = (driver - OTHER_0 - c) % 3
-        sensed = other
+        sensor_input = other_input
     direction = frames[c, k]
-    value = direction[0] * sensed[0] + direction[1] * sensed[1] + direction[2] * sensed[2]
+    value = direction[0] * sensor_input[0] + direction[1] * sensor_input[1] + direction[2] * sensor_input[2]
     return value * value if driver == SQUARE else value
 
 
 @jit
-def _fill_array_partials(a, true, units, tick, dt):
+def _fill_array_partials(a, components, units, tick, dt):
     """Set the partial derivatives of a sample of the combined triad with respect to the components of all IMUs."""
-    for j in range(true.sensor.shape[0]):
-        if true.sampled[j] and true.profile[j] < 0:
-            sensor = true.sensor[j]
-            triad = true.triad[j]
-            component = true.first[j]
-            source = true.source[component]
-            g = true.group[source]
-            lane = true.lane[source]
-            slot = true.slot[component]
+    for j in range(components.sensor.shape[0]):
+        if components.block_enters_samples[j] and components.profile[j] < 0:
+            sensor = components.sensor[j]
+            triad = components.triad[j]
+            component = components.first[j]
+            source = components.source[component]
+            g = components.group[source]
+            lane = components.lane[source]
+            slot = components.slot[component]
             for c in range(3):
-                u = tick_input(units, triad, sensor, c, true.driver[j], tick, dt)
+                u = tick_input(units, triad, sensor, c, components.driver[j], tick, dt)
                 for i in range(3):
                     share = lasting_share(units, tick, triad, sensor, i, c)
                     sample = 3 * sensor + i
@@ -74,8 +74,8 @@ def lasting_share(units, tick, triad, sensor, i, c):
     i, c : axis of the combined triad, sensing axis of the triad
     """
     stage = units.stage[tick]
-    weight = units.solved[stage, triad, sensor, i, c]
-    lasting_factor = units.noisy[stage, sensor, 0, i]
+    weight = units.axis_weights[stage, triad, sensor, i, c]
+    lasting_factor = units.error_factors[stage, sensor, 0, i]
     return weight * lasting_factor
 
 
@@ -103,86 +103,86 @@ def tick_input(units, triad, sensor, c, driver, tick, dt):
 
 
 @jit
-def _add_array_profiles(z, true, unit, units, tick, t):
+def _add_array_profiles(z, components, unit, units, tick, t):
     """Add the deterministic errors (profiles) of all IMUs of an array to the deviation of a sample.
 
     Parameters
     ----------
     z : (6,) rad/s and m/s^2, updated in place
-    true, unit, units : Components, ImuTruth, ImuArray
+    components, unit, units : Components, ImuTruth, ImuArray
     tick : index
     t : s since lift-off, at the middle of the tick
     """
     stage = units.stage[tick]
-    for j in range(true.sensor.shape[0]):
-        profile = true.profile[j]
+    for j in range(components.sensor.shape[0]):
+        profile = components.profile[j]
         if profile >= 0:
-            sensor = true.sensor[j]
-            triad = true.triad[j]
-            solved = units.solved[stage, triad, sensor]
+            sensor = components.sensor[j]
+            triad = components.triad[j]
+            axis_weights = units.axis_weights[stage, triad, sensor]
             for c in range(3):
-                u = tick_input(units, triad, sensor, c, true.driver[j], tick, unit.dt)
+                u = tick_input(units, triad, sensor, c, components.driver[j], tick, unit.dt)
                 parameter = profile_value(unit, profile, c, t)
                 value = u * parameter
                 for i in range(3):
-                    z[3 * sensor + i] += solved[i, c] * value
+                    z[3 * sensor + i] += axis_weights[i, c] * value
 
 
 @jit
-def fill_partials(a, true, units, vehicle, tick, dt):
+def fill_partials(a, components, units, vehicle, tick, dt):
     """Set the partial derivatives of the samples of a tick with respect to components that no filter state models.
 
     Parameters
     ----------
     a : (n_group, n_slot, 6) in lanes, set here
-    true : Components
+    components : Components
     units : ImuArray; None for one IMU
     vehicle : VehicleModel
     tick, dt : index; s
     """
     if units is None:
-        _fill_partials(a, true, vehicle, tick)
+        _fill_partials(a, components, vehicle, tick)
     else:
-        _fill_array_partials(a, true, units, tick, dt)
+        _fill_array_partials(a, components, units, tick, dt)
 
 
 @jit
-def _fill_partials(a, true, vehicle, tick):
+def _fill_partials(a, components, vehicle, tick):
     """Set the partial derivatives as `fill_partials` does, for one IMU."""
     rate = vehicle.rate[tick]
     force = vehicle.force[tick]
-    for j in range(true.sensor.shape[0]):
-        if true.sampled[j] and true.profile[j] < 0:
-            sensor = true.sensor[j]
-            component = true.first[j]
-            source = true.source[component]
-            slot = true.slot[component]
-            g = true.group[source]
-            lane = true.lane[source]
-            u = sensed_driver(sensor, true.driver[j], rate, force)
+    for j in range(components.sensor.shape[0]):
+        if components.block_enters_samples[j] and components.profile[j] < 0:
+            sensor = components.sensor[j]
+            component = components.first[j]
+            source = components.source[component]
+            slot = components.slot[component]
+            g = components.group[source]
+            lane = components.lane[source]
+            u = sensed_driver(sensor, components.driver[j], rate, force)
             for axis in range(3):
                 sample = 3 * sensor + axis
                 a[g, slot + axis, sample, lane] = u[axis]
 
 
 @jit
-def _add_profiles(z, true, unit, reference, tick, t):
+def _add_profiles(z, components, unit, reference, tick, t):
     """Add the deterministic errors (profiles) of one IMU to the deviation of a sample.
 
     Parameters
     ----------
     z : (6,) rad/s and m/s^2, updated in place
-    true, unit : Components, ImuTruth
+    components, unit : Components, ImuTruth
     reference : Reference, true motion
     tick : index
     t : s since lift-off, at the middle of the tick
     """
-    for j in range(true.sensor.shape[0]):
-        profile = true.profile[j]
-        if profile >= 0 and true.sampled[j]:
-            sensor = true.sensor[j]
+    for j in range(components.sensor.shape[0]):
+        profile = components.profile[j]
+        if profile >= 0 and components.block_enters_samples[j]:
+            sensor = components.sensor[j]
             increment = reference.dtheta[tick] if sensor == GYRO else reference.dvel[tick]
-            driver = true.driver[j]
+            driver = components.driver[j]
             first = 3 * sensor
             for axis in range(3):
                 u = 1.0 if driver == CONSTANT else increment[axis] / unit.dt
@@ -191,13 +191,13 @@ def _add_profiles(z, true, unit, reference, tick, t):
 
 
 @jit
-def deviations(z, true, unit, units, reference, tick):
+def deviations(z, components, unit, units, reference, tick):
     """Set the deterministic errors of the samples of a tick: bandwidth, unsensed axes, and profiles without a state.
 
     Parameters
     ----------
     z : (6,) rad/s and m/s^2, set here
-    true, unit : Components, ImuTruth
+    components, unit : Components, ImuTruth
     units : ImuArray; None for one IMU
     reference : Reference, true motion
     tick : index
@@ -212,9 +212,9 @@ def deviations(z, true, unit, units, reference, tick):
         z[3 + i] = (sensed_velocity[i] - true_velocity[i]) / dt
     t = unit.start + unit.dt * (tick + 0.5)
     if units is None:
-        _add_profiles(z, true, unit, reference, tick, t)
+        _add_profiles(z, components, unit, reference, tick, t)
     else:
-        _add_array_profiles(z, true, unit, units, tick, t)
+        _add_array_profiles(z, components, unit, units, tick, t)
 
 
 @jit
@@ -273,62 +273,64 @@ def begin_tick(joint, motion, vehicle, tick):
 
 
 @jit
-def _enter_component(P, y, through, seen, S, a, variance, gain):
+def _enter_component(P, y, state_effect, component_covariance, S, a, variance, gain):
     """Add the effect of components c, one per lane, on the update by the samples of a tick.
 
     Parameters
     ----------
     P : (n, n) upper triangle, updated in place
     y : (n,) Cov(x, c) after the update by H, updated in place
-    through, seen : (n,) scratch; (6,) H Cov(x, c) before the update
+    state_effect, component_covariance : (n,) scratch; (6,) H Cov(x, c) before the update
     S : (6, 6) innovation covariance, updated in place
     a : (6,) partial derivatives of the samples
     variance, gain : variance of c; (6, n) joint gain
     """
     n = P.shape[0]
     for i in range(n):
-        total = like(y[0], 0.0)
+        total = number_like(y[0], 0.0)
         for r in range(N_SAMPLE):
             total = total + gain[r, i] * a[r]
-        through[i] = total
+        state_effect[i] = total
     half = 0.5 * variance
     for i in range(n):
-        t = through[i]
+        t = state_effect[i]
         u = y[i] - half * t
         for j in range(i, n):
-            t_j = through[j]
+            t_j = state_effect[j]
             u_j = y[j] - half * t_j
             reduction = t * u_j + u * t_j
             P[i, j] = P[i, j] - reduction
     for i in range(n):
-        y[i] = y[i] - through[i] * variance
+        y[i] = y[i] - state_effect[i] * variance
     for r in range(N_SAMPLE):
         a_r = a[r]
-        seen_r = seen[r]
+        covariance_r = component_covariance[r]
         for q in range(N_SAMPLE):
             a_q = a[q]
-            S[r, q] = S[r, q] + a_r * seen[q] + seen_r * a_q + a_r * a_q * variance
+            S[r, q] = S[r, q] + a_r * component_covariance[q] + covariance_r * a_q + a_r * a_q * variance
 
 
 @jit
-def _update_sources(state, ticks, true, h, columns):
+def _update_sources(state, ticks, components, h, columns):
     """Update the covariance of every source, and its cross covariances, by the samples of a tick with `ticks.gain`."""
     gain = ticks.gain
-    for g in range(true.n_slot.shape[0]):
+    for g in range(components.n_slot.shape[0]):
         P = group(state.sources, g)
         S = group(ticks.S, g)
-        update_together(P, whole(ticks.Y), S, gain, h, columns, group(ticks.noise, g))
+        update_together(P, group_view(ticks.Y), S, gain, h, columns, group(ticks.noise, g))
         cross_g = group(state.cross, g)
         variance = group(state.variance, g)
         partials = group(ticks.a, g)
-        predicted = whole(ticks.seen_source)
-        through = whole(ticks.through)
-        for k in range(true.n_slot[g]):
-            if true.has_cross[g, k]:
+        component_covariance = group_view(ticks.innovation_covariance)
+        state_effect = group_view(ticks.state_effect)
+        for k in range(components.n_slot[g]):
+            if components.has_cross[g, k]:
                 cross_k = cross_g[k]
-                update_vector_together(cross_k, predicted, gain, h, columns)
-                if true.samples[g, k]:
-                    _enter_component(P, cross_k, through, predicted, S, partials[k], variance[k, 0], gain)
+                update_vector_together(cross_k, component_covariance, gain, h, columns)
+                if components.enters_samples[g, k]:
+                    _enter_component(
+                        P, cross_k, state_effect, component_covariance, S, partials[k], variance[k, 0], gain
+                    )
 
 
 @jit
@@ -354,21 +356,21 @@ def update_joint_tick(joint, flight, motion, model, vehicle, units, tick):
     """
     state = joint.state
     ticks = flight.ticks
-    true = joint.true
+    components = joint.components
     h = motion.h
     columns = vehicle.columns
     mean = state.mean
     gain = ticks.gain
     deviation = ticks.deviation
-    deviations(deviation, true, flight.unit, units, flight.reference, tick)
+    deviations(deviation, components, flight.unit, units, flight.reference, tick)
     joint_gain(gain, motion.K, motion.weight, h, columns, model.n_estimated)
     _record(joint.tape, gain, tick)
-    fill_partials(ticks.a, true, units, vehicle, tick, flight.unit.dt)
-    _update_sources(state, ticks, true, h, columns)
-    update_vector_together(mean, ticks.seen, gain, h, columns)
+    fill_partials(ticks.a, components, units, vehicle, tick, flight.unit.dt)
+    _update_sources(state, ticks, components, h, columns)
+    update_vector_together(mean, ticks.innovation_mean, gain, h, columns)
     for r in range(N_SAMPLE):
         sample_deviation = deviation[r]
-        ticks.seen[r] += sample_deviation
+        ticks.innovation_mean[r] += sample_deviation
         for i in range(model.n_state):
             mean[i] -= gain[r, i] * sample_deviation
 
@@ -386,14 +388,14 @@ def advance_joint(joint, flight, sums, dt, first):
     """
     if joint is not None:
         state = joint.state
-        true = joint.true
-        for g in range(true.n_slot.shape[0]):
+        components = joint.components
+        for g in range(components.n_slot.shape[0]):
             P = group(state.sources, g)
-            moved = whole(flight.ticks.moved_source)
-            advance(P, moved, sums, dt, first)
+            covariance_change = group_view(flight.ticks.covariance_change)
+            advance(P, covariance_change, sums, dt, first)
             cross_g = group(state.cross, g)
-            for k in range(true.n_slot[g]):
-                if true.has_cross[g, k]:
+            for k in range(components.n_slot[g]):
+                if components.has_cross[g, k]:
                     advance_vector(cross_g[k], sums, dt, first)
         advance_vector(state.mean, sums, dt, first)
 
@@ -402,5 +404,5 @@ def advance_joint(joint, flight, sums, dt, first):
 def finish_ticks(joint):
     """Restore the lower triangles of the covariances of all sources (Joint, or None) at the end of a window."""
     if joint is not None:
-        for g in range(joint.true.n_slot.shape[0]):
+        for g in range(joint.components.n_slot.shape[0]):
             mirror(group(joint.state.sources, g))

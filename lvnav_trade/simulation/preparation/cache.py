@@ -5,16 +5,16 @@ from typing import NamedTuple
 import numpy as np
 
 from lvnav_trade.gnss.faults import delay
-from lvnav_trade.gnss.satellites import content as content_of_sky
-from lvnav_trade.gnss.visibility import ReceivedSatellites, heard_in, with_noise
+from lvnav_trade.gnss.satellites import file_digests
+from lvnav_trade.gnss.visibility import ReceivedSatellites, receive_satellites, with_noise
 from lvnav_trade.imu.equivalent import equivalent
-from lvnav_trade.quantities.reads import remembered, remembered_by_reads
+from lvnav_trade.quantities.reads import result_cache, result_cache_by_reads
 from lvnav_trade.quantities.records import Floats, Reference, Sky
 from lvnav_trade.scenario.scenario import Scenario
 from lvnav_trade.trajectory.flight import Trajectory, TrajectoryCard, build, content, reference, refuse_contradiction
 
 
-@remembered(4)
+@result_cache(4)
 def cached_trajectory(identity: str, card: TrajectoryCard) -> Trajectory:
     """Return the trajectory of a card; identity: of `identity`, the key of the cache."""
     return build(card)
@@ -39,8 +39,8 @@ def trajectory_of(scenario: Scenario) -> Trajectory:
     return flight
 
 
-@remembered(4)
-def sampled(identity: str, card: TrajectoryCard, rate: float) -> Reference:
+@result_cache(4)
+def cached_reference(identity: str, card: TrajectoryCard, rate: float) -> Reference:
     """Return true motion and ideal increments of a trajectory at the ticks of an IMU.
 
     Parameters
@@ -68,7 +68,7 @@ class _ByIdentity(NamedTuple):
         return id(self.trajectory)
 
 
-def seen_in(scenario: Scenario, trajectory: Trajectory, t_epoch: Floats, start: float) -> Sky:
+def cached_sky(scenario: Scenario, trajectory: Trajectory, t_epoch: Floats, start: float) -> Sky:
     """Return the satellites at the times of validity of the receiver's measurements.
 
     Parameters
@@ -80,13 +80,15 @@ def seen_in(scenario: Scenario, trajectory: Trajectory, t_epoch: Floats, start: 
     start
         s since lift-off. Earliest time of validity.
     """
-    key = content_of_sky(scenario.constellation)
-    heard = _heard(key, scenario, _ByIdentity(trajectory), t_epoch.tobytes(), start)
-    return with_noise(heard, scenario.receiver, trajectory)
+    key = file_digests(scenario.constellation)
+    received_satellites = _received_satellites(key, scenario, _ByIdentity(trajectory), t_epoch.tobytes(), start)
+    return with_noise(received_satellites, scenario.receiver, trajectory)
 
 
-@remembered_by_reads(6)
-def _heard(key: str, scenario: Scenario, by_identity: _ByIdentity, epochs: bytes, start: float) -> ReceivedSatellites:
+@result_cache_by_reads(6)
+def _received_satellites(
+    key: str, scenario: Scenario, by_identity: _ByIdentity, epochs: bytes, start: float
+) -> ReceivedSatellites:
     """Return the received satellites at the times of validity; the arguments are the key of the cache.
 
     Parameters
@@ -106,11 +108,11 @@ def _heard(key: str, scenario: Scenario, by_identity: _ByIdentity, epochs: bytes
     trajectory = by_identity.trajectory
     receiver = scenario.receiver
     constellation = scenario.constellation
-    latency = receiver.latency + delay(scenario.faults, trajectory.course, t_epoch)
+    latency = receiver.latency + delay(scenario.faults, trajectory.flight_profile, t_epoch)
     if receiver.latency_per_satellite > 0.0:
-        now = heard_in(constellation, receiver, trajectory, t_epoch, scenario.faults)
-        n_tracked = now.sky.tracked.sum(axis=1)
+        now = receive_satellites(constellation, receiver, trajectory, t_epoch, scenario.faults)
+        n_tracked = now.sky.is_tracked.sum(axis=1)
         latency = latency + receiver.latency_per_satellite * n_tracked
     # if the latency decreases, times of validity still ascend
     t_valid = np.maximum.accumulate(np.maximum(start, t_epoch - latency))
-    return heard_in(constellation, receiver, trajectory, t_valid, scenario.faults)
+    return receive_satellites(constellation, receiver, trajectory, t_valid, scenario.faults)

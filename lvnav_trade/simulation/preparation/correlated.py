@@ -6,21 +6,21 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lvnav_trade.gnss.constellation import LETTERS, Part, PreciseConstellation, RinexConstellation, parts_of
-from lvnav_trade.gnss.faults import Failures
+from lvnav_trade.gnss.constellation import LETTERS, Part, PreciseConstellation, RinexConstellation, constellation_parts
+from lvnav_trade.gnss.faults import FaultEffects
 from lvnav_trade.gnss.receiver_cards import DirectSolution, ReceiverCard
 from lvnav_trade.kernels.random import source_word
 from lvnav_trade.quantities.records import Floats, Ints
 from lvnav_trade.quantities.state_layout import StateLayout, states_modelling
-from lvnav_trade.scenario.filter_models import solves
+from lvnav_trade.scenario.filter_models import has_receiver_solution
 from lvnav_trade.scenario.scenario import Scenario
 from lvnav_trade.sensors.receiver_observables import LEVER_AXES, PHASES, Channels, MeasurementGeometry, members, partial
 from lvnav_trade.sensors.sensor import CorrelatedError
 from lvnav_trade.simulation.preparation.inputs import CorrelatedErrors
-from lvnav_trade.simulation.preparation.options import direct
+from lvnav_trade.simulation.preparation.options import direct_solution
 from lvnav_trade.simulation.preparation.sensors import Sensor
 
-RECORDED = "recorded"  # kind of an error that is not drawn but read, from a start in a recording
+RECORDED = "recorded"  # type of an error that is not drawn but read, from a start in a recording
 MULTIPATH = "multipath"  # source that enters the code and not the carrier
 
 
@@ -41,7 +41,7 @@ def entering_errors(
     scenario: Scenario,
     geometry: MeasurementGeometry,
     channels: Channels,
-    failed: Failures,
+    failures: FaultEffects,
     devices: tuple[Sensor, ...] = (),
 ) -> tuple[EnteringError, ...]:
     """Return the correlated measurement errors of a case: receiver and satellites, sensors, wild samples.
@@ -56,18 +56,18 @@ def entering_errors(
         Inputs of the partial derivatives.
     channels
         Measurement channels.
-    failed
+    failures
         Effects of faults on the receiver.
     devices
         Sensors other than the receiver.
     """
-    n_epoch = len(failed.jump)
+    n_epoch = len(failures.jump)
     errors = []
     for error in receiver_errors(scenario, channels):
         if error.sigma > 0.0 and error.labels:
             errors.append(_entering_error(error, geometry, channels))
     errors += _sensor_errors(devices, channels, n_epoch)
-    errors += _wild_samples(failed, channels)
+    errors += _wild_samples(failures, channels)
     return tuple(errors)
 
 
@@ -78,10 +78,10 @@ def receiver_errors(scenario: Scenario, channels: Channels) -> list[CorrelatedEr
     """
     receiver = scenario.receiver
     errors = list[CorrelatedError]()
-    solution = None if solves(scenario) else direct(scenario)
+    solution = None if has_receiver_solution(scenario) else direct_solution(scenario)
     if _labels("range_bias", channels):
-        reflected = receiver.amplification * receiver.multipath
-        errors.append(_error(MULTIPATH, "range_bias", reflected, channels, receiver.multipath_time))
+        multipath_sigma = receiver.amplification * receiver.multipath
+        errors.append(_error(MULTIPATH, "range_bias", multipath_sigma, channels, receiver.multipath_time))
     if _labels("ambiguity", channels):
         errors.append(_error("carrier ambiguity", "ambiguity", receiver.carrier_ambiguity, channels))
     if _labels("range_rate_offset", channels):
@@ -95,32 +95,32 @@ def receiver_errors(scenario: Scenario, channels: Channels) -> list[CorrelatedEr
     if solution is not None and _labels("position_bias", channels):
         errors.append(_solution_bias("position", solution, channels))
     errors += _atmosphere_errors(scenario, channels)
-    for part in parts_of(scenario.constellation):
-        errors += _satellite_errors(part, channels)
+    for constellation in constellation_parts(scenario.constellation):
+        errors += _satellite_errors(constellation, channels)
     if solution is not None and _labels("velocity_bias", channels):
         errors.append(_solution_bias("velocity", solution, channels))
     return errors
 
 
-def _labels(kind: str, channels: Channels) -> tuple[str, ...]:
-    """Return the components of a kind of error; empty if it enters no measurement."""
-    return members(kind, channels)[0]
+def _labels(error_type: str, channels: Channels) -> tuple[str, ...]:
+    """Return the components of a type of error; empty if it enters no measurement."""
+    return members(error_type, channels)[0]
 
 
 def _error(
     source: str,
-    kind: str,
+    error_type: str,
     sigma: float,
     channels: Channels,
     time_constant: float = math.inf,
     state: str | None = None,
 ) -> CorrelatedError:
-    """Return an error with all components of its kind.
+    """Return an error with all components of its type.
 
     Parameters
     ----------
-    source, kind
-        Name of the error source, kind of the error.
+    source, error_type
+        Name of the error source, type of the error.
     sigma
         Standard deviation, SI.
     channels
@@ -128,10 +128,10 @@ def _error(
     time_constant
         s. Infinite: constant during a run; zero: independent from epoch to epoch.
     state
-        Filter state that models the error; None: that with the name of the kind; empty: none.
+        Filter state that models the error; None: that with the name of the type; empty: none.
     """
-    state = kind if state is None else state
-    return CorrelatedError(source, kind, sigma, "", time_constant, _labels(kind, channels), state=state)
+    state = error_type if state is None else state
+    return CorrelatedError(source, error_type, sigma, "", time_constant, _labels(error_type, channels), state=state)
 
 
 def _rate_errors(receiver: ReceiverCard, channels: Channels) -> list[CorrelatedError]:
@@ -165,39 +165,39 @@ def _atmosphere_errors(scenario: Scenario, channels: Channels) -> list[Correlate
     return errors
 
 
-def letters(part: Part) -> tuple[str, ...]:
+def letters(constellation: Part) -> tuple[str, ...]:
     """Return the letters of the satellite systems in a part of a constellation."""
-    if isinstance(part, RinexConstellation | PreciseConstellation):
-        return tuple(LETTERS[system] for system in part.systems or LETTERS)
-    return (LETTERS[part.system],)
+    if isinstance(constellation, RinexConstellation | PreciseConstellation):
+        return tuple(LETTERS[system] for system in constellation.systems or LETTERS)
+    return (LETTERS[constellation.system],)
 
 
-def _satellite_errors(part: Part, channels: Channels) -> list[CorrelatedError]:
+def _satellite_errors(constellation: Part, channels: Channels) -> list[CorrelatedError]:
     """Return the residual error of each satellite and the time offset of each system of a part of a constellation."""
-    part_systems = letters(part)
+    part_systems = letters(constellation)
     system_of = dict(zip(channels.satellites, channels.systems, strict=True))
     errors = []
-    ranged = _labels("range_bias", channels)
-    if ranged:
+    range_labels = _labels("range_bias", channels)
+    if range_labels:
         error = CorrelatedError(
             "satellite clock and ephemeris",
             "range_bias",
-            part.range_error,
+            constellation.range_error,
             "",
-            part.range_error_time or math.inf,
-            labels=tuple(satellite for satellite in ranged if system_of[satellite] in part_systems),
+            constellation.range_error_time or math.inf,
+            labels=tuple(satellite for satellite in range_labels if system_of[satellite] in part_systems),
             state="range_bias",
         )
         errors.append(error)
-    offset = _labels("time_offset", channels)
-    if offset:
+    offset_labels = _labels("time_offset", channels)
+    if offset_labels:
         error = CorrelatedError(
             "system time offset",
             "time_offset",
-            part.time_offset,
+            constellation.time_offset,
             "",
-            part.time_offset_time or math.inf,
-            labels=tuple(system for system in offset if system in part_systems),
+            constellation.time_offset_time or math.inf,
+            labels=tuple(system for system in offset_labels if system in part_systems),
             state="time_offset",
         )
         errors.append(error)
@@ -205,26 +205,26 @@ def _satellite_errors(part: Part, channels: Channels) -> list[CorrelatedError]:
 
 
 def _entering_error(error: CorrelatedError, geometry: MeasurementGeometry, channels: Channels) -> EnteringError:
-    """Return an error of the receiver's measurements with the channels that its components enter, by its kind."""
-    labels, label_number = members(error.kind, channels)
-    # the error may have components for some of the labels of its kind only
+    """Return an error of the receiver's measurements with the channels that its components enter, by its type."""
+    labels, label_number = members(error.error_type, channels)
+    # the error may have components for some of the labels of its type only
     component = [error.labels.index(label) if label in error.labels else -1 for label in labels]
     member = [component[number] if number >= 0 else -1 for number in label_number.tolist()]
-    partials = partial(error.kind, geometry, channels)
+    partials = partial(error.error_type, geometry, channels)
     if error.source == MULTIPATH:
         for phase in PHASES:
             if phase in channels.further:
-                partials[:, channels.of(phase)] = 0.0
+                partials[:, channels.observable_slice(phase)] = 0.0
     return EnteringError(error, np.array(member, dtype=np.int64), partials)
 
 
 def _sensor_errors(devices: tuple[Sensor, ...], channels: Channels, n_epoch: int) -> list[EnteringError]:
     """Return the correlated errors of the sensors other than the receiver, one error per label."""
     errors = []
-    for first, device in zip(channels.first, devices, strict=True):
+    for first, device in zip(channels.first_channels, devices, strict=True):
         scalars = slice(first, first + len(device.channels.labels))
         states = device.card.model.states
-        for error, by_label in device.lasting:
+        for error, by_label in device.lasting_errors:
             if error.sigma <= 0.0:
                 continue
             state = states[error.field].name if error.field in states else ""
@@ -232,21 +232,21 @@ def _sensor_errors(devices: tuple[Sensor, ...], channels: Channels, n_epoch: int
                 sensor_partials = by_label[:, :, k]
                 partials = np.zeros((n_epoch, channels.n_channel))
                 partials[:, scalars] = sensor_partials
-                enters = np.any(sensor_partials != 0.0, axis=0)
+                is_entered = np.any(sensor_partials != 0.0, axis=0)
                 member = np.full(channels.n_channel, -1, dtype=np.int64)
-                member[scalars] = np.where(enters, 0, -1)
-                labelled = error._replace(labels=(label,), state=state)
-                errors.append(EnteringError(labelled, member, partials))
+                member[scalars] = np.where(is_entered, 0, -1)
+                label_error = error._replace(labels=(label,), state=state)
+                errors.append(EnteringError(label_error, member, partials))
     return errors
 
 
-def _wild_samples(failed: Failures, channels: Channels) -> list[EnteringError]:
+def _wild_samples(failures: FaultEffects, channels: Channels) -> list[EnteringError]:
     """Return the wild samples of a fault: an error of each range or axis that is independent from epoch to epoch."""
-    partials = np.zeros((len(failed.jump), channels.n_channel))
+    partials = np.zeros((len(failures.jump), channels.n_channel))
     if channels.tight:
-        partials[:, channels.of("pseudorange")] = failed.wild
+        partials[:, channels.observable_slice("pseudorange")] = failures.wild_sigma
     else:
-        partials[:, :3] = failed.solution_wild[:, None]
+        partials[:, :3] = failures.solution_wild_sigma[:, None]
     is_hit = np.any(partials > 0.0, axis=0)
     hit = np.flatnonzero(is_hit)
     if not hit.size:
@@ -254,22 +254,22 @@ def _wild_samples(failed: Failures, channels: Channels) -> list[EnteringError]:
     member = np.full(channels.n_channel, -1, dtype=np.int64)
     member[hit] = range(hit.size)
     if channels.tight:
-        n_kind = len(channels.observables)
-        labels = tuple(channels.satellites[channel // n_kind] for channel in hit.tolist())
+        n_observable = len(channels.observables)
+        labels = tuple(channels.satellites[channel // n_observable] for channel in hit.tolist())
     else:
         labels = tuple("xyz"[channel] for channel in hit.tolist())
     error = CorrelatedError("wild samples", "wild", 1.0, "", time_constant=0.0, labels=labels)
     return [EnteringError(error, member, partials)]
 
 
-def shared_of(
-    entering: Sequence[EnteringError], layout: StateLayout, interval: float, shape: tuple[int, int]
+def correlated_errors_of(
+    error_entries: Sequence[EnteringError], layout: StateLayout, interval: float, shape: tuple[int, int]
 ) -> CorrelatedErrors:
     """Return the correlated measurement errors as arrays for the kernels, one family per error.
 
     Parameters
     ----------
-    entering
+    error_entries
         Errors, and the measurements that they enter.
     layout
         States of the filter; a block of extra states models every error that names it.
@@ -278,7 +278,7 @@ def shared_of(
     shape
         (n_epoch, n_channel).
     """
-    errors = [item.error for item in entering]
+    errors = [item.error for item in error_entries]
     counts = np.array([len(error.labels) for error in errors], dtype=np.int64)
     # components by family: the first component of family k has the index first[k]
     first = np.cumsum(counts) - counts
@@ -288,7 +288,7 @@ def shared_of(
     partials = np.empty((n_family, *shape))
     sigma = np.empty(n_family)
     decay = np.zeros(n_family)
-    for family, item in enumerate(entering):
+    for family, item in enumerate(error_entries):
         error = item.error
         component = first[family] + item.member
         member[family] = np.where(item.member >= 0, component, -1)
@@ -296,30 +296,30 @@ def shared_of(
         sigma[family] = error.sigma
         if error.time_constant > 0.0:
             decay[family] = math.exp(-interval / error.time_constant)
-    sources: list[np.uint64] = []
-    satellites: list[int | np.uint64] = []
+    source_keys: list[np.uint64] = []
+    satellite_keys: list[int | np.uint64] = []
     extra: list[int] = []
     pairs: list[tuple[int, int]] = []  # component, extra state that models it
     for error in errors:
         for label in error.labels:
-            component = len(sources)
+            component = len(source_keys)
             states = [number for _, number in states_modelling(layout.extras, error.state, label)]
             pairs += [(component, number) for number in states]
             extra.append(states[0] if states else -1)
-            sources.append(source_word(f"{error.source} {error.kind}"))
-            satellites.append(source_word(label) if label else 0)
-    is_recorded = [error.kind == RECORDED for error in errors]
+            source_keys.append(source_word(f"{error.source} {error.error_type}"))
+            satellite_keys.append(source_word(label) if label else 0)
+    is_recorded = [error.error_type == RECORDED for error in errors]
     walk = sigma * np.sqrt(1.0 - decay * decay)
     return CorrelatedErrors(
         member=member,
         partial=partials,
-        start=np.repeat(sigma, counts),
+        initial_sigma=np.repeat(sigma, counts),
         decay=np.repeat(decay, counts),
         walk=np.repeat(walk, counts),
-        sources=np.array(sources, dtype=np.uint64),
-        satellites=np.array(satellites, dtype=np.uint64),
+        source_keys=np.array(source_keys, dtype=np.uint64),
+        satellite_keys=np.array(satellite_keys, dtype=np.uint64),
         extra=np.array(extra, dtype=np.int64),
         error_of=np.array([component for component, _ in pairs], dtype=np.int64),
         state_of=np.array([number for _, number in pairs], dtype=np.int64),
-        given=np.repeat(np.array(is_recorded, dtype=np.bool_), counts),
+        is_recorded=np.repeat(np.array(is_recorded, dtype=np.bool_), counts),
     )

@@ -8,17 +8,17 @@ from lvnav_trade.filter.initial_covariance import initial_covariance
 from lvnav_trade.filter.model import FilterModel, build_filter_model
 from lvnav_trade.filter.policies.stored_gains import StoredGains
 from lvnav_trade.filter.states import FilterMeasurements, state_layout
-from lvnav_trade.filter.strapdown_algorithm import strapdown_of
+from lvnav_trade.filter.strapdown_algorithm import build_strapdown
 from lvnav_trade.kernels.random import source_word
 from lvnav_trade.kernels.strapdown import Strapdown
 from lvnav_trade.quantities.frames import earth_angle, reporting_axes
 from lvnav_trade.quantities.records import Floats, Reference
 from lvnav_trade.quantities.shared_cards import EnvelopeCard
 from lvnav_trade.quantities.state_layout import StateLayout
-from lvnav_trade.scenario.filter_models import filter_models, has_covariance, measured, solves
+from lvnav_trade.scenario.filter_models import filter_measurements, filter_models, has_covariance, has_receiver_solution
 from lvnav_trade.scenario.scenario import Scenario
 from lvnav_trade.simulation.preparation.inputs import InitialState
-from lvnav_trade.simulation.preparation.options import every, gains_of
+from lvnav_trade.simulation.preparation.options import epochs_per_update, gains_of
 from lvnav_trade.simulation.preparation.schedule import Times
 from lvnav_trade.simulation.preparation.true_flight import TrueFlight
 
@@ -48,11 +48,11 @@ def filter_measurements_of(scenario: Scenario, flight: TrueFlight) -> FilterMeas
         imu=imu,
         receiver=receiver,
         channels=flight.channels,
-        measurements=measured(scenario),
+        measurements=filter_measurements(scenario),
         lever_arms=flight.sky.lever_arms if flight.channels.tight else lever_b[None, :],
-        every=every(scenario),
+        decimation=epochs_per_update(scenario),
         has_covariance=has_covariance(scenario),
-        solves=solves(scenario),
+        has_solver=has_receiver_solution(scenario),
         clock_drift=initial.clock_drift,
     )
 
@@ -72,8 +72,8 @@ def filtering_of(scenario: Scenario, flight: TrueFlight, layout: StateLayout, ti
         filter_measurements_of(scenario, flight),
         times.lengths,
         _strapdown(scenario, flight),
-        times.injected,
-        None if gains is None else gains.stored,
+        times.injected_variance,
+        None if gains is None else gains.is_stored,
     )
     C_n_i = reporting_axes("ned", ref.t[:1], ref.r_i[:1], ref.v_i[:1], trajectory.theta0)[0].T
     _, _, initial = filter_models(scenario)
@@ -81,7 +81,7 @@ def filtering_of(scenario: Scenario, flight: TrueFlight, layout: StateLayout, ti
     return CaseFilter(layout, model, gains, C_n_i, P)
 
 
-def start_of(scenario: Scenario, ref: Reference, filtering: CaseFilter) -> InitialState:
+def initial_state(scenario: Scenario, ref: Reference, filtering: CaseFilter) -> InitialState:
     """Return the true state at tick 0, and the covariances of the initial error."""
     initial = scenario.initial
     attitude_n = np.diag([initial.tilt, initial.tilt, initial.heading])
@@ -89,11 +89,11 @@ def start_of(scenario: Scenario, ref: Reference, filtering: CaseFilter) -> Initi
     velocity = np.eye(3) * initial.velocity
     position = np.eye(3) * initial.position
     roots = np.array([attitude, velocity, position])
-    sources = [source_word(f"initial {name}") for name in ("attitude", "velocity", "position")]
+    source_keys = [source_word(f"initial {name}") for name in ("attitude", "velocity", "position")]
     return InitialState(
         nav=np.concatenate([ref.q_b_i[0], ref.v_i[0], ref.r_i[0]]),
         roots=roots,
-        sources=np.array(sources, dtype=np.uint64),
+        source_keys=np.array(source_keys, dtype=np.uint64),
         P=filtering.P,
     )
 
@@ -106,6 +106,6 @@ def _strapdown(scenario: Scenario, flight: TrueFlight) -> Strapdown:
     earth_rotation = float(earth_angle(flight.trajectory.theta0, ref.t[0]))
     squared_increments = np.sum(ref.dtheta * ref.dtheta, axis=1)
     largest_increment = float(np.sqrt(np.max(squared_increments)))
-    return strapdown_of(
+    return build_strapdown(
         card.strapdown, card.gravity, card.mechanisation, earth_rotation, initial_r_i, largest_increment
     )

@@ -14,7 +14,7 @@ from lvnav_trade.gnss.fault_cards import (
     GyroScaleFactorStep,
 )
 from lvnav_trade.gnss.faults import periods
-from lvnav_trade.imu.array import ImuSet, terms_of, triads_of
+from lvnav_trade.imu.array import ImuSet, imu_error_terms, list_triads
 from lvnav_trade.imu.equivalent import equivalent
 from lvnav_trade.imu.error_model import ImuCard
 from lvnav_trade.kernels.random import source_word
@@ -25,9 +25,15 @@ from lvnav_trade.quantities.per_axis import axes
 from lvnav_trade.quantities.records import Reference
 from lvnav_trade.quantities.state_layout import ErrorTerm, StateLayout
 from lvnav_trade.scenario.scenario import Scenario
-from lvnav_trade.simulation.preparation.imu_arrays import arriving, elements, fused, units_of, white_of
+from lvnav_trade.simulation.preparation.imu_arrays import (
+    band_limited_increments,
+    combined_increments,
+    elements,
+    imu_array_of,
+    noise_sigmas,
+)
 from lvnav_trade.simulation.preparation.imu_inputs import ImuArray, ImuTruth
-from lvnav_trade.simulation.preparation.redundancy_plan import Profile, redundant_of
+from lvnav_trade.simulation.preparation.redundancy_plan import Profile, add_redundancy
 from lvnav_trade.simulation.preparation.true_flight import TrueFlight
 from lvnav_trade.trajectory.disturbances import disturbance
 
@@ -66,18 +72,18 @@ def imu_of(scenario: Scenario, flight: TrueFlight, layout: StateLayout) -> TrueI
         States of the filter, which may include differences of two IMUs.
     """
     ref = flight.reference
-    course = flight.trajectory.course
+    flight_profile = flight.trajectory.flight_profile
     card = scenario.imu
-    terms = (*terms_of(card), *disturbance(scenario.gravity))
-    units = units_of(scenario, ref, course, flight.devices, layout)
-    profiles = profiles_of(card, scenario.faults, course)
-    hand_over = hand_over_tick(card, ref, course)
-    units = redundant_of(card, units, ref, profiles, hand_over)
-    unit = unit_of(scenario, ref, terms, course, units)
+    terms = (*imu_error_terms(card), *disturbance(scenario.gravity))
+    units = imu_array_of(scenario, ref, flight_profile, flight.devices, layout)
+    profiles = profiles_of(card, scenario.faults, flight_profile)
+    planned_handover_tick = hand_over_tick(card, ref, flight_profile)
+    units = add_redundancy(card, units, ref, profiles, planned_handover_tick)
+    unit = imu_truth_of(scenario, ref, terms, flight_profile, units)
     return TrueImu(terms, unit, units)
 
 
-def hand_over_tick(card: ImuCard | ImuSet, ref: Reference, course: FlightProfile) -> int:
+def hand_over_tick(card: ImuCard | ImuSet, ref: Reference, flight_profile: FlightProfile) -> int:
     """Return the first tick after the hand-over of a prime IMU at a given time; -1 without.
 
     Parameters
@@ -86,17 +92,17 @@ def hand_over_tick(card: ImuCard | ImuSet, ref: Reference, course: FlightProfile
         Card of the IMU or of the array.
     ref
         True motion at the ticks.
-    course
+    flight_profile
         Conditions of the trajectory.
     """
     if isinstance(card, ImuCard) or card.hand_over is None:
         return -1
-    t_hand_over = course.time(card.hand_over, "imu.hand_over")
+    t_hand_over = flight_profile.time(card.hand_over, "imu.hand_over")
     seconds = t_hand_over - ref.t[0]
     return math.ceil(seconds * card.rate - _ROUNDING)
 
 
-def profiles_of(card: ImuCard | ImuSet, faults: Sequence[AnyFault], course: FlightProfile) -> list[Profile]:
+def profiles_of(card: ImuCard | ImuSet, faults: Sequence[AnyFault], flight_profile: FlightProfile) -> list[Profile]:
     """Return the deterministic errors of the IMUs: warm-up ramps, and faults that begin and end with a step.
 
     Parameters
@@ -105,7 +111,7 @@ def profiles_of(card: ImuCard | ImuSet, faults: Sequence[AnyFault], course: Flig
         Card of the IMU or of the array.
     faults
         Faults of the case; only those of IMUs are read.
-    course
+    flight_profile
         Conditions of the trajectory.
 
     Returns
@@ -117,7 +123,7 @@ def profiles_of(card: ImuCard | ImuSet, faults: Sequence[AnyFault], course: Flig
         owners = [0]
         units: Sequence[ImuCard] = (card,)
     else:
-        owners = [triad.unit for triad in triads_of(card)]
+        owners = [triad.unit for triad in list_triads(card)]
         units = card.units
     profiles: list[Profile] = []
     for triad, owner in enumerate(owners):
@@ -135,19 +141,19 @@ def profiles_of(card: ImuCard | ImuSet, faults: Sequence[AnyFault], course: Flig
             x, y, z = fault.size
             step = (x, y, z)
             opposite_step = (-x, -y, -z)
-            for start, end in periods(number, fault, course):
-                begin = start if math.isfinite(start) else course.begin(start) - STEP
+            for start, end in periods(number, fault, flight_profile):
+                begin = start if math.isfinite(start) else flight_profile.begin(start) - STEP
                 profiles.append((code, driver, begin, begin + STEP, step))
                 if math.isfinite(end):
                     profiles.append((code, driver, end, end + STEP, opposite_step))
     return profiles
 
 
-def unit_of(
+def imu_truth_of(
     scenario: Scenario,
     ref: Reference,
     terms: Sequence[ErrorTerm],
-    course: FlightProfile,
+    flight_profile: FlightProfile,
     units: ImuArray | None = None,
 ) -> ImuTruth:
     """Return the true IMU as arrays for the kernels.
@@ -158,7 +164,7 @@ def unit_of(
         Validated model of the case; true motion and ideal increments.
     terms
         Error terms of all IMUs, then of the gravity disturbance.
-    course, units
+    flight_profile, units
         Conditions of the trajectory; IMUs of an array, whose combined triad is returned, None for one IMU.
     """
     card = scenario.imu
@@ -169,11 +175,13 @@ def unit_of(
     step = process_ticks * dt
     walk = np.array([_step_noise(term, step) for term in terms]).reshape(-1, 3)
     if units is None:
-        sensed = arriving(ref, equivalent_card, scenario.faults, course)
-        dtheta, dvel = elements(sensed, equivalent_card, np.eye(3), 0, scenario.faults, course, ref.t[1:])
+        ideal_increments = band_limited_increments(ref, equivalent_card, scenario.faults, flight_profile)
+        dtheta, dvel = elements(
+            ideal_increments, equivalent_card, np.eye(3), 0, scenario.faults, flight_profile, ref.t[1:]
+        )
     else:
-        dtheta, dvel = fused(units, dt)
-    profiles = profiles_of(card, scenario.faults, course)
+        dtheta, dvel = combined_increments(units, dt)
+    profiles = profiles_of(card, scenario.faults, flight_profile)
     profile_sensor, profile_driver, profile_start, profile_end, amplitudes = _columns(profiles, 5)
     has_biases_only = all(driver == CONSTANT for driver in [*(term.driver for term in inertial), *profile_driver])
     return ImuTruth(
@@ -182,13 +190,13 @@ def unit_of(
         biases_only=has_biases_only,
         dtheta=dtheta,
         dvel=dvel,
-        white=white_of(equivalent_card, dt),
+        white=noise_sigmas(equivalent_card, dt),
         process_ticks=process_ticks,
-        drifting=bool(np.any(walk > 0.0)) or bool(profiles),
+        is_drifting=bool(np.any(walk > 0.0)) or bool(profiles),
         sigma=np.array([axes(term.sigma) for term in terms], dtype=float).reshape(-1, 3),
         decay=np.array([math.exp(-step / term.time_constant) for term in terms]),
         walk=walk,
-        sources=np.array([source_word(f"{term.name} {term.part}") for term in terms], dtype=np.uint64),
+        sources=np.array([source_word(f"{term.name} {term.term_index}") for term in terms], dtype=np.uint64),
         sensors=np.array([term.sensor for term in inertial], dtype=np.int64),
         drivers=np.array([term.driver for term in inertial], dtype=np.int64),
         profile_sensor=np.array(profile_sensor, dtype=np.int64),

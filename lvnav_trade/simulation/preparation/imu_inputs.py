@@ -17,11 +17,11 @@ class ImuTruth(NamedTuple):
     dt : s. Sampling interval.
     noise_source : Key of the random draws of white noise.
     biases_only : Whether there are no scale-factor, misalignment and g-sensitivity errors.
-    dtheta : (n_imu, 3) rad. Angle increments without errors, body axes.
-    dvel : (n_imu, 3) m/s. Velocity increments without errors, body axes.
+    dtheta : (n_tick, 3) rad. Angle increments without errors, body axes.
+    dvel : (n_tick, 3) m/s. Velocity increments without errors, body axes.
     white : (8,) rad, m/s. Sigma of white noise in an increment: gyro (3), accelerometer (3); both quantisation steps.
     process_ticks : Ticks between two steps of time-varying parameters.
-    drifting : Whether any parameter varies with time.
+    is_drifting : Whether any parameter varies with time.
     sigma : (n_block, 3) SI. Initial sigma of each parameter.
     decay : (n_block,). Decay factor over a step of `process_ticks`.
     walk : (n_block, 3) SI. Sigma of the noise added in a step.
@@ -44,7 +44,7 @@ class ImuTruth(NamedTuple):
     dvel: Floats
     white: Floats
     process_ticks: int
-    drifting: bool
+    is_drifting: bool
     sigma: Floats
     decay: Floats
     walk: Floats
@@ -66,23 +66,23 @@ class ImuArray(NamedTuple):
     A stage is a part of the flight with the same combination; without redundancy the flight is one stage. A pair is a
     measured difference of two IMUs.
 
-    dtheta : (n_triad, n_imu, 3) rad. Angle increments at the IMU without errors, body axes.
-    dvel : (n_triad, n_imu, 3) m/s. Velocity increments at the IMU without errors, body axes.
+    dtheta : (n_triad, n_tick, 3) rad. Angle increments at the IMU without errors, body axes.
+    dvel : (n_triad, n_tick, 3) m/s. Velocity increments at the IMU without errors, body axes.
     n_axis : (n_triad,). Number of sensing axes.
     frames : (n_triad, 3, 3, 3). For each axis, unit vectors in body axes: its direction, those of its misalignments.
-    solved : (n_stage, n_triad, 2, 3, 3). Weights of each axis of gyro and accelerometer in the combined triad.
+    axis_weights : (n_stage, n_triad, 2, 3, 3). Weights of each axis of gyro and accelerometer in the combined triad.
     lever : (n_triad, 3) m. Compensated lever arm, body axes; zero without compensation.
     noise_sources : (n_triad,). Keys of the random draws of white noise.
     white : (n_triad, 8). As `ImuTruth.white`.
     triads : (n_block,). Triad of each block of error parameters.
     pair_sensor : (n_pair,). GYRO or ACCEL.
-    pair_solved : (n_pair, n_triad, 3, 3). Weights by which each axis enters the difference.
+    pair_weights : (n_pair, n_triad, 3, 3). Weights by which each axis enters the difference.
     pair_state : (n_pair,). First filter state of the relative bias, -1 none.
     pair_of : (n_device,). Pair that a sensor measures, -1 none.
-    noisy : (n_stage, 2, 2, 3). Factor on lasting errors and on white noise, by sensor and combined axis.
+    error_factors : (n_stage, 2, 2, 3). Factor on lasting errors and on white noise, by sensor and combined axis.
     shift : (n_stage, 2, 3) rad, m/s. Mean error of a combined increment.
-    stage : (n_imu,). Stage of each tick in linear covariance.
-    stage_without_exclusion : (n_imu,). Stage of each tick if no IMU were excluded; a run excludes IMUs itself.
+    stage : (n_tick,). Stage of each tick in linear covariance.
+    stage_without_exclusion : (n_tick,). Stage of each tick if no IMU were excluded; a run excludes IMUs itself.
     redundant : ImuRedundancy. Test and selection of the IMUs; None without both.
     """
 
@@ -90,16 +90,16 @@ class ImuArray(NamedTuple):
     dvel: Floats
     n_axis: Ints
     frames: Floats
-    solved: Floats
+    axis_weights: Floats
     lever: Floats
     noise_sources: NDArray[np.uint64]
     white: Floats
     triads: Ints
     pair_sensor: Ints
-    pair_solved: Floats
+    pair_weights: Floats
     pair_state: Ints
     pair_of: Ints
-    noisy: Floats
+    error_factors: Floats
     shift: Floats
     stage: Ints
     stage_without_exclusion: Ints
@@ -109,37 +109,37 @@ class ImuArray(NamedTuple):
 class ImuRedundancy(NamedTuple):
     """Parity test of redundant IMUs, and selection of their middle value or of a prime IMU.
 
-    middle : Whether the middle value of the IMUs is used in place of their mean.
-    prime : Whether the first IMU that is not excluded is used alone.
+    uses_middle_value : Whether the middle value of the IMUs is used in place of their mean.
+    uses_prime : Whether the first IMU that is not excluded is used alone.
     excludes : Whether an IMU is excluded when the test fails; otherwise the detection is only reported.
-    hands_over : Whether the prime IMU is excluded when the test fails.
-    hand_over : Tick from which the first IMU is excluded in any case; -1 without.
-    ticks : Ticks summed for a test; 0 without tests.
+    hands_over_on_failure : Whether the prime IMU is excluded when the test fails.
+    planned_handover_tick : Tick from which the first IMU is excluded in any case; -1 without.
+    n_test_tick : Ticks summed for a test; 0 without tests.
     weight : (n_window, 2, n_triad, 3). Inverse of the modelled variance of a summed increment; 0 without an axis.
     limits : (n_dof + 1,). Largest weighted sum of squared residuals, by degrees of freedom (chi-square).
     owner : (n_triad,). IMU that the triad belongs to.
-    alone : (n_triad, 3, 3). Weights by which the axes enter the solution of their IMU alone.
+    imu_weights : (n_triad, 3, 3). Weights by which the axes enter the solution of their IMU alone.
     shares : (2, n_triad). Weight of the axes in the mean, by sensor.
     noise : (2, n_triad, 3) SI squared per second. PSD of the white noise of an axis.
     spread : (2, n_triad, 3) SI squared. Variance of the bias of an axis.
     walk : (2, n_triad, 3) SI squared per second. Variance rate of the random walk of that bias.
-    lost : (n_lost,). Ticks from which an IMU is excluded on the nominal flight.
-    mean : (n_lost + 1, n_triad, 2, 3, 3). Weights of the mean: of all IMUs, then after each exclusion.
+    exclusion_ticks : (n_exclusion,). Ticks from which an IMU is excluded on the nominal flight.
+    mean : (n_exclusion + 1, n_triad, 2, 3, 3). Weights of the mean: of all IMUs, then after each exclusion.
     """
 
-    middle: bool
-    prime: bool
+    uses_middle_value: bool
+    uses_prime: bool
     excludes: bool
-    hands_over: bool
-    hand_over: int
-    ticks: int
+    hands_over_on_failure: bool
+    planned_handover_tick: int
+    n_test_tick: int
     weight: Floats
     limits: Floats
     owner: Ints
-    alone: Floats
+    imu_weights: Floats
     shares: Floats
     noise: Floats
     spread: Floats
     walk: Floats
-    lost: Ints
+    exclusion_ticks: Ints
     mean: Floats

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from lvnav_trade.kernels.jit import jit
 from lvnav_trade.kernels.random import normals, seed_words
 from lvnav_trade.quantities.records import Bools
-from lvnav_trade.simulation.preparation.prepare import Prepared
+from lvnav_trade.simulation.preparation.prepare import PreparedCase
 
 _ZERO = np.uint64(0)
 INITIAL = ("initial attitude", "initial velocity", "initial position")
@@ -39,14 +39,14 @@ class InitialDraws(NamedTuple):
             yield self._replace(runs=self.runs[block], values=self.values[block])
 
 
-def start_draws(prepared: Prepared, seed: int, n_run: int) -> InitialDraws:
+def start_draws(prepared_case: PreparedCase, seed: int, n_run: int) -> InitialDraws:
     """Return the draws of initial and turn-on errors of runs 0 to n_run - 1; draws without effect are omitted.
 
     Draws depend on keys and not on an order, so these are the numbers of the simulation, without simulating.
 
     Parameters
     ----------
-    prepared
+    prepared_case
         Prepared case.
     seed
         Seed of the campaign.
@@ -56,11 +56,15 @@ def start_draws(prepared: Prepared, seed: int, n_run: int) -> InitialDraws:
     sources: list[str] = []
     words: list[np.uint64] = []
     has_effect: list[Bools] = []  # by axis
-    for term, word, sigma in zip(prepared.sources, prepared.unit.sources, prepared.unit.sigma, strict=True):
-        sources.append(term.name if term.part == 0 else f"{term.name} {term.part + 1}")
+    for term, word, sigma in zip(
+        prepared_case.sources, prepared_case.unit.sources, prepared_case.unit.sigma, strict=True
+    ):
+        sources.append(term.name if term.term_index == 0 else f"{term.name} {term.term_index + 1}")
         words.append(word)
         has_effect.append(sigma > 0.0)
-    for name, root, word in zip(INITIAL, prepared.start.roots, prepared.start.sources, strict=True):
+    for name, root, word in zip(
+        INITIAL, prepared_case.initial_state.roots, prepared_case.initial_state.source_keys, strict=True
+    ):
         if np.any(root):
             sources.append(name)
             words.append(word)

@@ -13,20 +13,20 @@ class Schedule(NamedTuple):
 
     first_tick : First tick.
     n_tick : Number of ticks.
-    length : Index of the window's length in `FilterModel.seconds`.
+    length_index : Index of the window's length in `FilterModel.seconds`.
     epoch : Epoch at the end, -1 none.
     hist : History time at the end, -1 none.
-    injection : Index in `FilterModel.injected` of the variance added at the end, -1 none.
-    linearised : Code of the linearisation, see `kernels.transition.linearise`.
+    injection : Index in `FilterModel.injected_variance` of the variance added at the end, -1 none.
+    linearisation : Code of the linearisation, see `kernels.transition.linearise`.
     """
 
     first_tick: Ints
     n_tick: Ints
-    length: Ints
+    length_index: Ints
     epoch: Ints
     hist: Ints
     injection: Ints
-    linearised: Ints
+    linearisation: Ints
 
 
 class CorrelatedErrors(NamedTuple):
@@ -36,28 +36,28 @@ class CorrelatedErrors(NamedTuple):
 
     member : (n_family, n_channel). Component of the family that enters the channel, -1 none.
     partial : (n_family, n_epoch, n_channel). Derivative of the measurement with respect to that component.
-    start : (n_component,) SI. Initial sigma.
+    initial_sigma : (n_component,) SI. Initial sigma.
     decay : (n_component,). Decay factor over an interval of epochs.
     walk : (n_component,) SI. Sigma of the noise added over an interval of epochs.
-    sources : (n_component,). Key of the random draws, by cause.
-    satellites : (n_component,). Key of the satellite or label; 0 for an error of the receiver.
+    source_keys : (n_component,). Key of the random draws, by cause.
+    satellite_keys : (n_component,). Key of the satellite or label; 0 for an error of the receiver.
     extra : (n_component,). Number of the filter's first extra state that models the component, -1 none.
     error_of : (n_pair,). Components that extra states of the filter model.
     state_of : (n_pair,). Number of the extra state, for each of these.
-    given : (n_component,). Whether the component is read from a recording and not drawn.
+    is_recorded : (n_component,). Whether the component is read from a recording and not drawn.
     """
 
     member: Ints
     partial: Floats
-    start: Floats
+    initial_sigma: Floats
     decay: Floats
     walk: Floats
-    sources: NDArray[np.uint64]
-    satellites: NDArray[np.uint64]
+    source_keys: NDArray[np.uint64]
+    satellite_keys: NDArray[np.uint64]
     extra: Ints
     error_of: Ints
     state_of: Ints
-    given: Bools
+    is_recorded: Bools
 
 
 class Signals(NamedTuple):
@@ -66,14 +66,14 @@ class Signals(NamedTuple):
     A channel is an observable of one satellite (tight coupling: pseudorange, range rate and further observables in
     turn) or an axis of the receiver's solution (loose coupling). Channels of the other sensors follow.
 
-    used : (n_epoch, n_slot). Satellite of each slot, -1 none.
+    satellite_by_slot : (n_epoch, n_slot). Satellite of each slot, -1 none.
     n_used : (n_epoch,). Number of satellites in use.
-    words : (n_sat,). Keys of the satellites for random draws.
+    satellite_keys : (n_sat,). Keys of the satellites for random draws.
     range : (n_epoch, n_sat) m. Pseudorange without clock and random errors, minus the corrections of the filter.
     rate : (n_epoch, n_sat) m/s. Range rate, likewise.
     position : (n_epoch, 3) m. Receiver's solution without random errors, frame i.
     velocity : (n_epoch, 3) m/s. Receiver's solution without random errors, frame i.
-    satellite : (n_epoch, n_sat, 3) m. Satellite position that the filter uses, frame i.
+    satellite_position : (n_epoch, n_sat, 3) m. Satellite position that the filter uses, frame i.
     satellite_velocity : (n_epoch, n_sat, 3) m/s. Satellite velocity that the filter uses, frame i.
     antenna : (n_epoch, n_sat). Antenna that receives the satellite.
     sigma : (n_epoch, n_measured) SI. True sigma of white noise, by measured channel of receiver and sensors.
@@ -84,23 +84,24 @@ class Signals(NamedTuple):
     clock_step : (3,). Cholesky factor of the receiver clock's noise over an epoch: bias (m) and drift (m/s).
     clock_start : (2,) m, m/s. Initial sigma of clock bias and drift.
     clock_jump : (n_epoch, 2) m, m/s. Jump of clock bias and drift at the epoch.
-    frozen : (n_epoch,). Whether the receiver repeats the output of the epoch before.
+    is_frozen : (n_epoch,). Whether the receiver repeats the output of the epoch before.
     interval : s. Time between epochs.
     n_receiver : Channels of the receiver in the filter; they are the first channels.
-    reference : (n_epoch, n_kind). Slot of the reference satellite of a difference between satellites, -1 none.
-    shift : Offset of the sensor channels in `sigma` and `shared`, which count the channels that the receiver measures.
-    sources : (4,). Keys of random draws: clock, ranges, solution, initial clock error.
-    shared : Correlated measurement errors.
+    reference : (n_epoch, n_observable). Slot of the reference satellite of a difference between satellites, -1 none.
+    shift : Offset of the sensor channels in `sigma` and `correlated_errors`, which count the channels that the receiver
+        measures.
+    source_keys : (4,). Keys of random draws: clock, ranges, solution, initial clock error.
+    correlated_errors : Correlated measurement errors.
     """
 
-    used: Ints
+    satellite_by_slot: Ints
     n_used: Ints
-    words: NDArray[np.uint64]
+    satellite_keys: NDArray[np.uint64]
     range: Floats
     rate: Floats
     position: Floats
     velocity: Floats
-    satellite: Floats
+    satellite_position: Floats
     satellite_velocity: Floats
     antenna: Ints
     sigma: Floats
@@ -111,22 +112,22 @@ class Signals(NamedTuple):
     clock_step: Floats
     clock_start: Floats
     clock_jump: Floats
-    frozen: Bools
+    is_frozen: Bools
     interval: float
     n_receiver: int
     reference: Ints
     shift: int
-    sources: NDArray[np.uint64]
-    shared: CorrelatedErrors
+    source_keys: NDArray[np.uint64]
+    correlated_errors: CorrelatedErrors
 
 
 class FurtherObservables(NamedTuple):
     """Truth of the further satellite observables: carrier phase and differences of two epochs.
 
     phase : (n_epoch, n_sat) m. Carrier phase without clock and random errors, minus the corrections of the filter.
-    is_phase : (n_kind,). Whether the observable is a carrier phase or a difference of carrier phases.
-    is_difference : (n_kind,). Whether the observable is a difference of two epochs.
-    restart : (n_epoch, n_sat). Whether the carrier is newly acquired at the epoch.
+    is_phase : (n_observable,). Whether the observable is a carrier phase or a difference of carrier phases.
+    is_difference : (n_observable,). Whether the observable is a difference of two epochs.
+    is_restarted : (n_epoch, n_sat). Whether the carrier is newly acquired at the epoch.
     ambiguity : (n_sat,). Component of the correlated errors that is the ambiguity, -1 none.
     source : Key of the random draws of the phase noise.
     """
@@ -134,7 +135,7 @@ class FurtherObservables(NamedTuple):
     phase: Floats
     is_phase: Bools
     is_difference: Bools
-    restart: Bools
+    is_restarted: Bools
     ambiguity: Ints
     source: np.uint64
 
@@ -144,13 +145,13 @@ class InitialState(NamedTuple):
 
     nav : (10,). True navigation state, frame i.
     roots : (3, 3, 3). Square roots of the true covariances of attitude, velocity and position error, frame i.
-    sources : (3,). Keys of the random draws of these errors.
+    source_keys : (3,). Keys of the random draws of these errors.
     P : (n_state, n_state). Initial covariance of the filter.
     """
 
     nav: Floats
     roots: Floats
-    sources: NDArray[np.uint64]
+    source_keys: NDArray[np.uint64]
     P: Floats
 
 
@@ -162,7 +163,7 @@ class HistoryTruth(NamedTuple):
     q : (n_hist, 4). Attitude quaternion, body to i.
     axes : (n_hist, 3, 3). Rotation from frame i to the reporting frame.
     t : (n_hist,) s since lift-off.
-    since : (n_hist,) s. Time since the last epoch.
+    time_since_epoch : (n_hist,) s. Time since the last epoch.
     limit : m. Position error beyond which a run has failed.
     """
 
@@ -171,7 +172,7 @@ class HistoryTruth(NamedTuple):
     q: Floats
     axes: Floats
     t: Floats
-    since: Floats
+    time_since_epoch: Floats
     limit: float
 
 
@@ -181,28 +182,29 @@ class Sensors(NamedTuple):
     code : (n_sensor,). Type of the sensor, as in `sensors.family`.
     channel : (n_sensor,). First channel.
     scalars : (n_sensor,). Number of channels.
-    on : (n_sensor, n_epoch). Whether the sensor measures at the epoch.
+    is_measuring : (n_sensor, n_epoch). Whether the sensor measures at the epoch.
     truth : (n_sensor, n_epoch, 4). True value, see the module of the sensor.
-    known : (n_sensor, n_epoch, N_KNOWN). Quantities known to the filter, see the module of the sensor.
+    filter_parameters : (n_sensor, n_epoch, N_FILTER_PARAMETER). Quantities known to the filter, see the module of the
+        sensor.
     theta : (n_sensor, n_epoch) rad. Earth rotation angle in the filter.
-    sources : (n_sensor,). Keys of the random draws.
+    source_keys : (n_sensor,). Keys of the random draws.
     """
 
     code: Ints
     channel: Ints
     scalars: Ints
-    on: Bools
+    is_measuring: Bools
     truth: Floats
-    known: Floats
+    filter_parameters: Floats
     theta: Floats
-    sources: NDArray[np.uint64]
+    source_keys: NDArray[np.uint64]
 
 
 class ReportedSamples(NamedTuple):
     """Inputs of the reported errors of IMU samples.
 
-    rate : (n_imu, 3) rad/s. True mean angular rate over each tick, body axes.
-    force : (n_imu, 3) m/s^2. True mean specific force over each tick, body axes.
+    rate : (n_tick, 3) rad/s. True mean angular rate over each tick, body axes.
+    force : (n_tick, 3) m/s^2. True mean specific force over each tick, body axes.
     par : (2,). Parameter blocks of the biases of gyro and accelerometer, -1 none.
     bias : (6,). States of these biases, gyro first, -1 none.
     raw : (6,) SI squared. Error variance of a sample in the filter model: noise and initial bias.
@@ -239,35 +241,35 @@ class Options(NamedTuple):
 
     solver : filter.receivers.receiver.Solver. The receiver computes position and velocity itself.
     rules : filter.policies.mode_logic.ModeRules. Mode logic of the filter.
-    late : filter.policies.delay.DelayProcessing. Delay compensation.
+    delay_processing : filter.policies.delay.DelayProcessing. Delay compensation.
     gains : filter.policies.stored_gains.StoredGains. Stored gains.
     vehicle : filter.policies.imu_samples.VehicleModel. IMU samples are processed as measurements.
-    samples : ReportedSamples. Errors of IMU samples are reported.
-    report : ReportedSolution. Errors of the receiver's solution are reported.
-    misses : True. The error of the filter's transition is recorded in place of estimation errors.
-    units : ImuArray. Several IMUs are combined.
+    reported_samples : ReportedSamples. Errors of IMU samples are reported.
+    reported_solution : ReportedSolution. Errors of the receiver's solution are reported.
+    has_transition_errors : True. The error of the filter's transition is recorded in place of estimation errors.
+    imu_array : ImuArray. Several IMUs are combined.
     direct : True. The filter corrects its total state after each scalar measurement.
     backup : int. First output of the backup strapdown, which is never corrected.
-    further : FurtherObservables. Carrier phases or differences of two epochs are measured.
-    delayed : filter.policies.epoch_differences.DifferenceProcessing. Differences of two epochs are measured.
-    unscented : True. Sigma points in place of Jacobians.
-    integrity : filter.policies.integrity.state.FaultTests. Tests for faults.
-    iterated : filter.policies.iterated.IterationSettings. Iterated measurement update.
+    further_observables : FurtherObservables. Carrier phases or differences of two epochs are measured.
+    differences : filter.policies.epoch_differences.DifferenceProcessing. Differences of two epochs are measured.
+    has_sigma_points : True. Sigma points in place of Jacobians.
+    fault_tests : filter.policies.integrity.state.FaultTests. Tests for faults.
+    iteration_settings : filter.policies.iterated.IterationSettings. Iterated measurement update.
     """
 
     solver: Any = None
     rules: Any = None
-    late: Any = None
+    delay_processing: Any = None
     gains: Any = None
     vehicle: Any = None
-    samples: Any = None
-    report: Any = None
-    misses: Any = None
-    units: Any = None
+    reported_samples: Any = None
+    reported_solution: Any = None
+    has_transition_errors: Any = None
+    imu_array: Any = None
     direct: Any = None
     backup: Any = None
-    further: Any = None
-    delayed: Any = None
-    unscented: Any = None
-    integrity: Any = None
-    iterated: Any = None
+    further_observables: Any = None
+    differences: Any = None
+    has_sigma_points: Any = None
+    fault_tests: Any = None
+    iteration_settings: Any = None

@@ -9,8 +9,8 @@ from lvnav_trade.filter.card import FilterCard
 from lvnav_trade.filter.model import FilterModel
 from lvnav_trade.filter.policies.integrity.state import FaultTests
 from lvnav_trade.filter.policies.mode_logic import DATA_LOST, ModeRules
-from lvnav_trade.filter.policies.policy_cards import AFTER_STOP, CHECKS, IntegrityCard, LogicCard, thresholds_of
-from lvnav_trade.gnss.faults import Failures
+from lvnav_trade.filter.policies.policy_cards import AFTER_STOP, CHECKS, IntegrityCard, LogicCard, build_fault_tests
+from lvnav_trade.gnss.faults import FaultEffects
 from lvnav_trade.quantities.records import FIRST_CHECK, Floats, Ints
 from lvnav_trade.sensors.receiver_observables import Channels
 from lvnav_trade.simulation.preparation.inputs import Signals
@@ -20,9 +20,9 @@ _ERRORS = ("data_loss", "residual", "covariance")
 _UNGUARDED = LogicCard(check_flags=())
 
 
-def failing(
+def failed_checks(
     card: FilterCard,
-    failed: Failures,
+    failures: FaultEffects,
     n_used: Ints,
     channels: Channels,
     dilution: Callable[[], Floats],
@@ -35,7 +35,7 @@ def failing(
     ----------
     card
         Filter card with the mode logic.
-    failed
+    failures
         Effects of faults on flags and freshness.
     n_used
         (n_epoch,). Number of satellites in use.
@@ -45,7 +45,7 @@ def failing(
         Function that returns the dilution of precision (n_epoch,); called only if a rule needs it.
     """
     logic = card.logic or _UNGUARDED
-    flags = [*failed.invalid.T, failed.frozen]
+    flags = [*failures.raised_flags.T, failures.is_frozen]
     checks = []
     for k, name in enumerate(CHECKS):
         if name in logic.check_flags:
@@ -59,15 +59,15 @@ def failing(
     return numbers
 
 
-def watched(card: FilterCard, failing: Ints, channels: Channels, P: Floats) -> ModeRules | None:
+def mode_rules_of(card: FilterCard, failed_check: Ints, channels: Channels, P: Floats) -> ModeRules | None:
     """Return the rules of a filter's mode logic; None without a mode logic and without a start from the receiver.
 
     Parameters
     ----------
     card
         Filter card.
-    failing
-        (n_epoch,). Input check that fails, 0 none; see `failing`.
+    failed_check
+        (n_epoch,). Input check that fails, 0 none; see `failed_checks`.
     channels
         Measurement channels.
     P
@@ -86,16 +86,16 @@ def watched(card: FilterCard, failing: Ints, channels: Channels, P: Floats) -> M
     sigmas = (logic.covariance_position or math.inf, logic.covariance_velocity or math.inf)
     return ModeRules(
         interval=1.0 / card.update_rate,
-        good=failing == 0,
-        limits=limits,
-        spread=np.repeat(np.square(sigmas), 3),
+        is_good=failed_check == 0,
+        residual_limits=limits,
+        variance_limits=np.repeat(np.square(sigmas), 3),
         start_after=float(logic.start_after),
         correct_after=logic.correct_after,
         stop_after=logic.stop_after or math.inf,
         after_stop=AFTER_STOP.index(logic.after_stop),
         restarts=np.array([float(error in logic.restart_after) for error in _ERRORS]),
         from_gnss=card.init == "from_gnss",
-        P=P,
+        start_covariance=P,
     )
 
 
@@ -113,14 +113,14 @@ def integrity_of(card: IntegrityCard, signals: Signals, model: FilterModel, rate
     rate
         Hz. Update rate of the filter.
     """
-    per_epoch = model.n_kind * signals.n_used if model.tight else np.where(signals.n_used >= 4, 6, 0)
+    per_epoch = model.n_observable * signals.n_used if model.tight else np.where(signals.n_used >= 4, 6, 0)
     n_measurement = int(np.sum(per_epoch))
-    n_slot = signals.used.shape[1]
+    n_slot = signals.satellite_by_slot.shape[1]
     interval = 1.0 / rate
-    return thresholds_of(card, n_measurement, n_slot, interval)
+    return build_fault_tests(card, n_measurement, n_slot, interval)
 
 
-def satellites_taken(rules: ModeRules | None, n_used: Ints, chain: SolutionErrorModel | None) -> Ints:
+def used_satellite_count(rules: ModeRules | None, n_used: Ints, chain: SolutionErrorModel | None) -> Ints:
     """Return the number of satellites that the filter uses at the epochs, (n_epoch,).
 
     It is zero where a sample fails the input checks, so that linear covariance has no measurement there either.
@@ -136,4 +136,4 @@ def satellites_taken(rules: ModeRules | None, n_used: Ints, chain: SolutionError
     """
     if rules is None or chain is not None:
         return n_used
-    return np.where(rules.good, n_used, 0)
+    return np.where(rules.is_good, n_used, 0)

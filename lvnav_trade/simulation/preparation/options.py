@@ -9,7 +9,7 @@ from lvnav_trade.filter.assumed import ReceiverModel
 from lvnav_trade.filter.card import FilterCard
 from lvnav_trade.filter.policies.delay import DelayProcessing
 from lvnav_trade.filter.policies.iterated import IterationSettings
-from lvnav_trade.filter.policies.stored_gains import StoredGains, gains_at
+from lvnav_trade.filter.policies.stored_gains import StoredGains, evaluate_schedule
 from lvnav_trade.filter.receivers.carrier_smoothing import Smoothing
 from lvnav_trade.filter.receivers.receiver import (
     FilterSettings,
@@ -22,7 +22,7 @@ from lvnav_trade.gnss.receiver_cards import BancroftSolution, ComputedCovariance
 from lvnav_trade.quantities.errors import InputError, Mistake
 from lvnav_trade.quantities.records import Floats, Ints
 from lvnav_trade.quantities.state_layout import StateLayout, state_names
-from lvnav_trade.scenario.filter_models import epoch_interval, solves
+from lvnav_trade.scenario.filter_models import epoch_interval, has_receiver_solution
 from lvnav_trade.scenario.scenario import Scenario
 from lvnav_trade.sensors.receiver_observables import Channels
 from lvnav_trade.simulation.preparation.inputs import Schedule
@@ -40,7 +40,7 @@ class CompensatedDelay(NamedTuple):
     delay: Floats
 
 
-def passes_of(card: FilterCard, layout: StateLayout) -> IterationSettings | None:
+def iteration_settings(card: FilterCard, layout: StateLayout) -> IterationSettings | None:
     """Return the settings of an iterated update; None without."""
     if card.algorithm != "iterated":
         return None
@@ -50,19 +50,19 @@ def passes_of(card: FilterCard, layout: StateLayout) -> IterationSettings | None
 class CloneTimes(NamedTuple):
     """Times at which states are stored for a delayed measurement.
 
-    valid : (n_epoch,). Tick at whose end the state of the time of validity is stored.
-    early : (n_epoch,). Tick at whose end the earlier velocity is stored.
-    offset : (n_epoch,) s. Time of validity minus the time of `valid`.
-    base : (n_epoch,) s. Time of validity minus the time of `early`.
+    state_tick : (n_epoch,). Tick at whose end the state of the time of validity is stored.
+    velocity_tick : (n_epoch,). Tick at whose end the earlier velocity is stored.
+    offset : (n_epoch,) s. Time of validity minus the time of `state_tick`.
+    base : (n_epoch,) s. Time of validity minus the time of `velocity_tick`.
     """
 
-    valid: Ints
-    early: Ints
+    state_tick: Ints
+    velocity_tick: Ints
     offset: Floats
     base: Floats
 
 
-def direct(scenario: Scenario) -> DirectSolution:
+def direct_solution(scenario: Scenario) -> DirectSolution:
     """Return the card of a directly simulated solution; zero sigmas if the receiver computes its solution itself."""
     card = scenario.receiver.solution
     if isinstance(card, DirectSolution):
@@ -70,9 +70,9 @@ def direct(scenario: Scenario) -> DirectSolution:
     return DirectSolution.model_construct(position_sigma=0.0, velocity_sigma=0.0)
 
 
-def every(scenario: Scenario) -> int:
+def epochs_per_update(scenario: Scenario) -> int:
     """Return n for a filter that updates at every n-th epoch; n > 1 only if the receiver computes its solution."""
-    return round(scenario.receiver.rate / scenario.filter.update_rate) if solves(scenario) else 1
+    return round(scenario.receiver.rate / scenario.filter.update_rate) if has_receiver_solution(scenario) else 1
 
 
 def gains_of(
@@ -112,20 +112,20 @@ def gains_of(
             f"{', '.join(names)}",
         )
     try:
-        scheduled = gains_at(schedule, t_epoch, events)
+        scheduled_gains = evaluate_schedule(schedule, t_epoch, events)
     except ValueError as error:
         raise _input_error("filter.gains", str(error)) from None
     gain = np.zeros((t_epoch.size, channels.n_channel, len(names)))
-    stored = np.zeros(channels.n_channel, dtype=np.bool_)
+    has_gains = np.zeros(channels.n_channel, dtype=np.bool_)
     for k, name in enumerate(schedule.measurements):
         if name in channels.names:
             channel = channels.names.index(name)
-            gain[:, channel] = scheduled[:, k]
-            stored[channel] = True
-    if not stored.any():
+            gain[:, channel] = scheduled_gains[:, k]
+            has_gains[channel] = True
+    if not has_gains.any():
         first_channels = ", ".join(channels.names[:6])
         raise _input_error("filter.gains", f"the schedule {schedule.name!r} has no gains for {first_channels}")
-    return StoredGains(np.ascontiguousarray(gain), stored)
+    return StoredGains(np.ascontiguousarray(gain), has_gains)
 
 
 def _input_error(path: str, message: str) -> InputError:
@@ -133,17 +133,19 @@ def _input_error(path: str, message: str) -> InputError:
     return InputError(records=[Mistake(message, path)])
 
 
-def _reported(
+def _reported_covariance(
     card: BancroftSolution | FilteredSolution, scenario: Scenario, model: ReceiverModel
 ) -> ReportedCovariance:
     """Return the settings of the reported covariance; a filter with its own receiver model uses the sigmas of that."""
-    reported = card.reported_covariance if isinstance(scenario.filter.receiver, str) else model
-    if isinstance(reported, ComputedCovariance):
-        return ReportedCovariance(correlated=reported.correlated, factor=reported.factor)
-    return ReportedCovariance(False, False, 1.0, reported.position_sigma**2, reported.velocity_sigma**2)
+    covariance_card = card.reported_covariance if isinstance(scenario.filter.receiver, str) else model
+    if isinstance(covariance_card, ComputedCovariance):
+        return ReportedCovariance(has_correlations=covariance_card.correlated, factor=covariance_card.factor)
+    return ReportedCovariance(False, False, 1.0, covariance_card.position_sigma**2, covariance_card.velocity_sigma**2)
 
 
-def solver_of(scenario: Scenario, model: ReceiverModel, most: int, smoothing: Smoothing | None = None) -> Solver | None:
+def solver_of(
+    scenario: Scenario, model: ReceiverModel, max_satellites: int, smoothing: Smoothing | None = None
+) -> Solver | None:
     """Return the settings by which the receiver computes its solution; None if the solution is simulated directly.
 
     Parameters
@@ -152,23 +154,24 @@ def solver_of(scenario: Scenario, model: ReceiverModel, most: int, smoothing: Sm
         Validated model of the case.
     model
         Filter model of the receiver.
-    most
+    max_satellites
         Largest number of satellites in use at once.
     smoothing
         Carrier smoothing of the ranges; None without.
     """
     card = scenario.receiver.solution
-    if isinstance(card, DirectSolution) or not solves(scenario):
+    if isinstance(card, DirectSolution) or not has_receiver_solution(scenario):
         return None
-    reported = _reported(card, scenario, model)
+    reported_covariance = _reported_covariance(card, scenario, model)
     if isinstance(card, BancroftSolution):
-        return Solver(point_model(reported, **card.numbers(), most=most), None, smoothing)
-    point = point_model(reported, **card.fix.numbers(), most=most)
+        point = point_model(reported_covariance, **card.numbers(), max_satellite_count=max_satellites)
+        return Solver(point, None, smoothing)
+    point = point_model(reported_covariance, **card.fix.numbers(), max_satellite_count=max_satellites)
     settings = FilterSettings(**card.numbers())
-    return Solver(point, receiver_filter(reported, epoch_interval(scenario), settings), smoothing)
+    return Solver(point, receiver_filter(reported_covariance, epoch_interval(scenario), settings), smoothing)
 
 
-def delays_taken(
+def compensated_delays(
     scenario: Scenario, t_epoch: Floats, t_valid: Floats, devices: Sequence[Sensor] = ()
 ) -> tuple[CompensatedDelay, ...]:
     """Return the delays that the filter compensates, that of the receiver first; empty without compensation.
@@ -183,7 +186,7 @@ def delays_taken(
         Sensors other than the receiver that the filter uses.
     """
     card = scenario.filter.delay_compensation
-    if card is None or not scenario.filter.aided:
+    if card is None or not scenario.filter.is_aided:
         return ()
     delays = []
     if scenario.filter.tight or scenario.filter.loose:
@@ -198,10 +201,10 @@ def delays_taken(
     return tuple(delays)
 
 
-def late_of(
+def delay_processing(
     scenario: Scenario,
     delays: Sequence[CompensatedDelay],
-    stored: Sequence[CloneTimes],
+    storage_times: Sequence[CloneTimes],
     schedule: Schedule,
     channels: Channels,
 ) -> DelayProcessing | None:
@@ -211,8 +214,8 @@ def late_of(
     ----------
     scenario
         Validated model of the case.
-    delays, stored
-        Delays of `delays_taken`, and the storage times of `clone_times` for each.
+    delays, storage_times
+        Delays of `compensated_delays`, and the storage times of `clone_times` for each.
     schedule
         Windows of the flight.
     channels
@@ -225,26 +228,26 @@ def late_of(
     ticks_per_epoch = scenario.imu.rate * epoch_interval(scenario)
     sensors = [item.sensor for item in delays]
     has_receiver = sensors[0] < 0
-    extrapolated = card.kind == "extrapolated" and has_receiver
+    is_extrapolated = card.kind == "extrapolated" and has_receiver
     of_sensor = [sensors.index(k) if k in sensors else -1 for k in range(len(channels.sensors))]
-    n_ring = np.array([_n_stored(times, ticks_per_epoch) for times in stored], dtype=np.int64)
-    is_buffered = [not extrapolated or sensor >= 0 for sensor in sensors]
+    n_ring = np.array([_n_stored(times, ticks_per_epoch) for times in storage_times], dtype=np.int64)
+    is_buffered = [not is_extrapolated or sensor >= 0 for sensor in sensors]
     return DelayProcessing(
-        extrapolated=extrapolated,
-        receiver=0 if has_receiver else -1,
+        is_extrapolated=is_extrapolated,
+        receiver_line=0 if has_receiver else -1,
         line=_channel_lines(sensors, channels),
-        of_sensor=np.array(of_sensor, np.int64),
+        sensor_line=np.array(of_sensor, np.int64),
         n_ring=n_ring,
         first=np.cumsum(n_ring) - n_ring,
-        buffered=np.repeat(is_buffered, n_ring),
-        valid=np.stack([_epochs_at(window_end, times.valid) for times in stored]),
-        early=np.stack([_epochs_at(window_end, times.early) for times in stored]),
+        is_buffered=np.repeat(is_buffered, n_ring),
+        state_epochs=np.stack([_epochs_at(window_end, times.state_tick) for times in storage_times]),
+        velocity_epochs=np.stack([_epochs_at(window_end, times.velocity_tick) for times in storage_times]),
         delay=delays[0].delay,
-        offset=np.stack([times.offset for times in stored]),
-        base=stored[0].base,
+        offset=np.stack([times.offset for times in storage_times]),
+        base=storage_times[0].base,
         interval=epoch_interval(scenario),
-        jitter=card.delay_sigma**2,
-        acceleration=card.acceleration_sigma**2,
+        delay_variance=card.delay_sigma**2,
+        acceleration_variance=card.acceleration_sigma**2,
     )
 
 
@@ -255,15 +258,15 @@ def _channel_lines(sensors: list[int], channels: Channels) -> Ints:
         if sensor < 0:
             line[: channels.n_receiver] = number
         else:
-            first = channels.first[sensor]
+            first = channels.first_channels[sensor]
             line[first : first + len(channels.sensors[sensor].labels)] = number
     return line
 
 
 def _n_stored(times: CloneTimes, ticks_per_epoch: float) -> int:
     """Return the number of states stored at once. A state is stored until its epoch is over."""
-    epoch = np.arange(1, times.valid.size + 1)
-    storing_tick = np.minimum(times.valid, times.early)
+    epoch = np.arange(1, times.state_tick.size + 1)
+    storing_tick = np.minimum(times.state_tick, times.velocity_tick)
     epoch_of_storing = storing_tick / ticks_per_epoch
     epochs_stored = epoch - epoch_of_storing
     n_stored = np.floor(epochs_stored + 1e-9) + 1
@@ -296,7 +299,7 @@ def clone_times(
     t_epoch
         (n_epoch,) s since lift-off.
     delays
-        Delays of `delays_taken`.
+        Delays of `compensated_delays`.
     t
         (n_tick + 1,) s. Times of the ticks.
     group
@@ -312,14 +315,14 @@ def clone_times(
     return tuple(times)
 
 
-def _clone_times(t_valid: Floats, before: float, t: Floats, group: int) -> CloneTimes:
+def _clone_times(t_valid: Floats, velocity_interval: float, t: Floats, group: int) -> CloneTimes:
     """Return the storage times of the states for a delayed measurement.
 
     Parameters
     ----------
     t_valid
         (n_epoch,) s. Times of validity.
-    before
+    velocity_interval
         s. Interval from the earlier velocity to the state; 0: no earlier velocity is stored.
     t
         (n_tick + 1,) s. Times of the ticks.
@@ -331,13 +334,13 @@ def _clone_times(t_valid: Floats, before: float, t: Floats, group: int) -> Clone
     # states are stored at the end of a step, so the earliest are those of the first two steps
     steps_since_start = (t_valid - t[0]) / step
     nearest_step = np.rint(steps_since_start).astype(np.int64)
-    valid = np.maximum(2 * group, nearest_step * group)
-    early = valid
-    if before > 0.0:
-        steps_before = max(1, round(before / step))
-        early = np.maximum(group, valid - steps_before * group)
-    t_clone = t[valid]
-    t_early = t[early]
+    state_tick = np.maximum(2 * group, nearest_step * group)
+    velocity_tick = state_tick
+    if velocity_interval > 0.0:
+        steps_before = max(1, round(velocity_interval / step))
+        velocity_tick = np.maximum(group, state_tick - steps_before * group)
+    t_clone = t[state_tick]
+    t_early = t[velocity_tick]
     # rounding errors of the times need no propagation by a fraction of a step
     offset = t_valid - t_clone
     is_rounding = np.abs(offset) < 1e-6 * dt
@@ -345,4 +348,4 @@ def _clone_times(t_valid: Floats, before: float, t: Floats, group: int) -> Clone
     base = t_valid - t_early
     is_within_step = base < 0.5 * dt * group
     base = np.where(is_within_step, t_clone - t_early, base)
-    return CloneTimes(valid, early, offset, base)
+    return CloneTimes(state_tick, velocity_tick, offset, base)

@@ -2,21 +2,21 @@
 
 from lvnav_trade.quantities.records import Floats, Reference
 from lvnav_trade.scenario.scenario import Scenario
-from lvnav_trade.simulation.preparation.filtering import CaseFilter, filtering_of, layout_of, start_of
+from lvnav_trade.simulation.preparation.filtering import CaseFilter, filtering_of, initial_state, layout_of
 from lvnav_trade.simulation.preparation.imu import TrueImu, imu_of
 from lvnav_trade.simulation.preparation.inputs import Options
 from lvnav_trade.simulation.preparation.measurements import Measurements, measurements_of
 from lvnav_trade.simulation.preparation.mode_rules import integrity_of
-from lvnav_trade.simulation.preparation.options import late_of, passes_of
-from lvnav_trade.simulation.preparation.prepared_case import Prepared as Prepared
+from lvnav_trade.simulation.preparation.options import delay_processing, iteration_settings
+from lvnav_trade.simulation.preparation.prepared_case import PreparedCase as PreparedCase
 from lvnav_trade.simulation.preparation.reporting import Reporting, reporting_of, solution_of
 from lvnav_trade.simulation.preparation.schedule import Times, times_of
-from lvnav_trade.simulation.preparation.sensors import for_kernels
+from lvnav_trade.simulation.preparation.sensors import sensor_arrays
 from lvnav_trade.simulation.preparation.true_flight import TrueFlight, flight_of
 from lvnav_trade.simulation.preparation.vehicle_model import samples_of, vehicle_of
 from lvnav_trade.trajectory.ascent.vehicle_cards import VehicleAscent
 from lvnav_trade.trajectory.flight import Trajectory
-from lvnav_trade.trajectory.guided.guidance_plan import GuidancePlan, plan_of
+from lvnav_trade.trajectory.guided.guidance_plan import GuidancePlan, plan_ascent
 
 GUIDED_HISTORY = 1.0
 """Longest step (s) between history times of a guided ascent. Guidance runs once per second and reads the navigation
@@ -29,7 +29,7 @@ def prepare(
     history: float = 1.0,
     additional_times: Floats | None = None,
     given_flight: tuple[Trajectory, Reference] | None = None,
-) -> Prepared:
+) -> PreparedCase:
     """Prepare a scenario in four stages, each with one record: flight, schedule, filter, measurements.
 
     Records of the IMUs, of the receiver's solution and of the results follow from these.
@@ -52,11 +52,11 @@ def prepare(
         history = min(history, GUIDED_HISTORY)
     times = times_of(scenario, flight, layout, history, additional_times)
     filtering = filtering_of(scenario, flight, layout, times)
-    measured = measurements_of(scenario, flight, filtering)
+    measurements = measurements_of(scenario, flight, filtering)
     imu = imu_of(scenario, flight, layout)
-    solution = solution_of(scenario, measured.chain, flight.channels, layout, measured.solver)
+    solution = solution_of(scenario, measurements.chain, flight.channels, layout, measurements.solver)
     reporting = reporting_of(scenario, flight, times, layout, solution)
-    return Prepared(
+    return PreparedCase(
         scenario=scenario,
         trajectory=flight.trajectory,
         reference=flight.reference,
@@ -65,25 +65,25 @@ def prepare(
         layout=layout,
         model=filtering.model,
         sources=imu.terms,
-        families=measured.errors,
+        families=measurements.errors,
         schedule=times.schedule,
         unit=imu.unit,
-        signals=measured.signals,
-        start=start_of(scenario, flight.reference, filtering),
+        signals=measurements.signals,
+        initial_state=initial_state(scenario, flight.reference, filtering),
         record=reporting.record,
         motion=reporting.motion,
         t_hist=times.t_hist,
         t_epoch=flight.epochs.t,
         lengths=times.lengths,
-        delays=flight.delays,
-        recorded=measured.recorded,
-        options=_options(scenario, flight, times, filtering, measured, imu, reporting),
-        chain=measured.chain,
+        atmospheric_delays=flight.atmospheric_delays,
+        recorded_errors=measurements.recorded_errors,
+        options=_options(scenario, flight, times, filtering, measurements, imu, reporting),
+        chain=measurements.chain,
         devices=flight.devices,
-        sensors=for_kernels(flight.devices, flight.channels, flight.epochs.t.size),
+        sensors=sensor_arrays(flight.devices, flight.channels, flight.epochs.t.size),
         channels=flight.channels,
         channel_names=reporting.channel_names,
-        failing=measured.failing,
+        failed_check=measurements.failed_check,
         plan=_plan(scenario),
     )
 
@@ -97,7 +97,7 @@ def _is_guided(scenario: Scenario) -> bool:
 def _plan(scenario: Scenario) -> GuidancePlan | None:
     """Return the guidance plan computed before lift-off; None if every run has the nominal ascent."""
     card = scenario.trajectory
-    return plan_of(card) if isinstance(card, VehicleAscent) and _is_guided(scenario) else None
+    return plan_ascent(card) if isinstance(card, VehicleAscent) and _is_guided(scenario) else None
 
 
 def _options(
@@ -105,7 +105,7 @@ def _options(
     flight: TrueFlight,
     times: Times,
     filtering: CaseFilter,
-    measured: Measurements,
+    measurements: Measurements,
     imu: TrueImu,
     reporting: Reporting,
 ) -> Options:
@@ -113,19 +113,21 @@ def _options(
     card, layout, model, ref = scenario.filter, filtering.layout, filtering.model, flight.reference
     integrity = card.integrity
     return Options(
-        solver=measured.solver,
-        rules=measured.rules,
-        late=late_of(scenario, times.delayed, times.stored, times.schedule, flight.channels),
+        solver=measurements.solver,
+        rules=measurements.rules,
+        delay_processing=delay_processing(scenario, times.delays, times.clone_times, times.schedule, flight.channels),
         gains=filtering.gains,
         vehicle=vehicle_of(scenario, flight.trajectory, ref, layout),
-        samples=samples_of(scenario, ref, layout),
-        report=reporting.solution,
-        units=imu.units,
+        reported_samples=samples_of(scenario, ref, layout),
+        reported_solution=reporting.solution,
+        imu_array=imu.units,
         direct=True if card.feedback == "direct" else None,
         backup=reporting.backup,
-        further=measured.further,
-        delayed=measured.delayed,
-        unscented=True if card.algorithm == "unscented" else None,
-        integrity=None if integrity is None else integrity_of(integrity, measured.signals, model, card.update_rate),
-        iterated=passes_of(card, layout),
+        further_observables=measurements.further,
+        differences=measurements.differences,
+        has_sigma_points=True if card.algorithm == "unscented" else None,
+        fault_tests=None
+        if integrity is None
+        else integrity_of(integrity, measurements.signals, model, card.update_rate),
+        iteration_settings=iteration_settings(card, layout),
     )

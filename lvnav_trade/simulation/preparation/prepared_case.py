@@ -20,7 +20,7 @@ from lvnav_trade.trajectory.flight import Trajectory
 from lvnav_trade.trajectory.guided.guidance_plan import GuidancePlan
 
 
-class Prepared(NamedTuple):
+class PreparedCase(NamedTuple):
     """A scenario and everything that its runs share."""
 
     scenario: Scenario  # validated model of the case
@@ -35,21 +35,21 @@ class Prepared(NamedTuple):
     schedule: Schedule  # windows of IMU ticks
     unit: ImuTruth  # truth-side model of the IMU
     signals: Signals  # true measurements and their noise at the epochs
-    start: InitialState  # true state at tick 0 and the covariance of the filter's initial error
+    initial_state: InitialState  # true state at tick 0 and the covariance of the filter's initial error
     record: HistoryTruth  # true state at the ticks of the history times
     motion: Motion  # true motion at the history times, some of which lie between two ticks
     t_hist: Floats  # (n_hist,) s since lift-off, history times
     t_epoch: Floats  # (n_epoch,) s since lift-off, epochs
     lengths: Floats  # (n_length,) s, window lengths that occur
-    delays: Delays  # tropospheric and ionospheric delays, true and modelled by the filter
-    recorded: RecordedErrors  # recorded errors of the receiver's solution
+    atmospheric_delays: Delays  # tropospheric and ionospheric delays, true and modelled by the filter
+    recorded_errors: RecordedErrors  # recorded errors of the receiver's solution
     options: Options  # optional features; None where the case has none
     chain: SolutionErrorModel | None  # error propagation of the receiver's solution; None without a reported covariance
     devices: tuple[Sensor, ...]  # sensors other than the receiver that the filter uses
     sensors: Sensors | None  # these as arrays; None without sensors
     channels: Channels  # measurement channels of the filter
     channel_names: tuple[str, ...]  # names of all innovations
-    failing: Ints  # (n_epoch,) number of the input check that the receiver's sample fails, 0 none
+    failed_check: Ints  # (n_epoch,) number of the input check that the receiver's sample fails, 0 none
     plan: GuidancePlan | None  # guidance plan computed before lift-off; None without guidance
 
     @property
@@ -65,6 +65,6 @@ class Prepared(NamedTuple):
     @property
     def n_row(self) -> int:
         """Return the largest number of Jacobian rows at an epoch: those of the receiver, then those of the sensors."""
-        n_slot = self.signals.used.shape[1]
-        n_receiver_row = max(6, self.model.n_kind * n_slot)
+        n_slot = self.signals.satellite_by_slot.shape[1]
+        n_receiver_row = max(6, self.model.n_observable * n_slot)
         return n_receiver_row + self.channels.n_channel - self.channels.n_receiver

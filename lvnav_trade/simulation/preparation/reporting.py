@@ -9,7 +9,7 @@ from lvnav_trade.kernels.vehicle import N_SAMPLE
 from lvnav_trade.quantities.frames import earth_angle, ecef_from_eci, reporting_axes
 from lvnav_trade.quantities.records import Motion, Output
 from lvnav_trade.quantities.state_layout import StateLayout, backup_outputs, outputs, solution_outputs
-from lvnav_trade.scenario.filter_models import measured, reported, solves
+from lvnav_trade.scenario.filter_models import filter_measurements, has_receiver_solution, is_solution_reported
 from lvnav_trade.scenario.scenario import Scenario
 from lvnav_trade.sensors.receiver_observables import Channels
 from lvnav_trade.simulation.preparation.inputs import HistoryTruth, ReportedSolution
@@ -60,7 +60,7 @@ def reporting_of(
     """
     frame, trajectory = scenario.frame, flight.trajectory
     main = outputs(layout, frame)
-    if reported(scenario):
+    if is_solution_reported(scenario):
         main = (*main, *solution_outputs(frame))
     backup = backup_outputs(frame) if scenario.filter.backup else ()
     t_in_flight = np.clip(times.t_hist, trajectory.start, trajectory.end)
@@ -94,7 +94,7 @@ def solution_of(
     solver
         Settings of the receiver's solution; None if it is simulated directly.
     """
-    if chain is None or not reported(scenario):
+    if chain is None or not is_solution_reported(scenario):
         return None
     n_sample = N_SAMPLE if layout.motion >= 0 else 0
     has_filter = solver is not None and solver.filter is not None
@@ -108,7 +108,7 @@ def solution_of(
 
 def _channel_names(scenario: Scenario, channels: Channels, report: ReportedSolution | None) -> tuple[str, ...]:
     """Return the names of all innovations: filter channels, IMU samples, receiver's filter."""
-    if not measured(scenario) and not solves(scenario):
+    if not filter_measurements(scenario) and not has_receiver_solution(scenario):
         return ("none",)
     names = list(channels.names)
     if "imu" in scenario.filter.measurements:
@@ -135,5 +135,5 @@ def _record(scenario: Scenario, flight: TrueFlight, times: Times) -> HistoryTrut
     epoch_ticks = np.concatenate([[0], flight.epochs.tick])
     last_epoch = np.searchsorted(epoch_ticks, ticks, side="right") - 1
     ticks_since_epoch = ticks - epoch_ticks[last_epoch]
-    since = ticks_since_epoch / scenario.imu.rate
-    return HistoryTruth(r, v, q, np.ascontiguousarray(axes), t, since, scenario.diverged)
+    time_since_epoch = ticks_since_epoch / scenario.imu.rate
+    return HistoryTruth(r, v, q, np.ascontiguousarray(axes), t, time_since_epoch, scenario.diverged)

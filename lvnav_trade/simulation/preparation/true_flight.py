@@ -5,13 +5,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lvnav_trade.gnss.faults import Failures, delay, failures
-from lvnav_trade.gnss.interference import feigned
+from lvnav_trade.gnss.faults import FaultEffects, delay, failures
+from lvnav_trade.gnss.interference import spoofer_errors
 from lvnav_trade.quantities.records import Floats, Ints, Reference, Sky
-from lvnav_trade.scenario.filter_models import epoch_interval, solves
+from lvnav_trade.scenario.filter_models import epoch_interval, has_receiver_solution
 from lvnav_trade.scenario.scenario import Scenario
 from lvnav_trade.sensors.receiver_observables import FURTHER, Channels
-from lvnav_trade.simulation.preparation.cache import cached_trajectory, identity, sampled, seen_in
+from lvnav_trade.simulation.preparation.cache import cached_reference, cached_sky, cached_trajectory, identity
 from lvnav_trade.simulation.preparation.sensors import Sensor, sensors_of
 from lvnav_trade.simulation.preparation.signals.atmospheric_delays import Delays, delays
 from lvnav_trade.simulation.preparation.signals.lines_of_sight import Lines, lines_of
@@ -23,13 +23,13 @@ class Epochs(NamedTuple):
 
     t : (n_epoch,) s since lift-off.
     tick : (n_epoch,). Tick of each epoch.
-    n_imu : Ticks of the flight.
+    n_tick : Ticks of the flight.
     group : Ticks of a step of the strapdown.
     """
 
     t: Floats
     tick: Ints
-    n_imu: int
+    n_tick: int
     group: int
 
 
@@ -41,13 +41,13 @@ class TrueFlight(NamedTuple):
     epochs : Epochs on these ticks.
     sky : Satellites at the epochs.
     lines : Lines of sight to them.
-    stamped : (n_epoch,) s. Time tags of the receiver's measurements.
+    time_tags : (n_epoch,) s. Time tags of the receiver's measurements.
     devices : Sensors other than the receiver that the filter uses.
     channels : Measurement channels of the filter.
     ranging : Channels measured by the receiver: ranges, if it computes its position itself.
-    delays : Tropospheric and ionospheric delays, true and as corrected by the filter.
-    failed : Effects of faults on the measurements.
-    biased : (n_epoch, n_sat, 2) m, m/s. Errors of ranges and range rates by faults and spoofers.
+    atmospheric_delays : Tropospheric and ionospheric delays, true and as corrected by the filter.
+    failures : Effects of faults on the measurements.
+    fault_errors : (n_epoch, n_sat, 2) m, m/s. Errors of ranges and range rates by faults and spoofers.
     """
 
     trajectory: Trajectory
@@ -55,13 +55,13 @@ class TrueFlight(NamedTuple):
     epochs: Epochs
     sky: Sky
     lines: Lines
-    stamped: Floats
+    time_tags: Floats
     devices: tuple[Sensor, ...]
     channels: Channels
     ranging: Channels
-    delays: Delays
-    failed: Failures
-    biased: Floats
+    atmospheric_delays: Delays
+    failures: FaultEffects
+    fault_errors: Floats
 
 
 def flight_of(scenario: Scenario, given_flight: tuple[Trajectory, Reference] | None = None) -> TrueFlight:
@@ -75,29 +75,29 @@ def flight_of(scenario: Scenario, given_flight: tuple[Trajectory, Reference] | N
         Trajectory and its samples, in place of those of the scenario.
     """
     trajectory, ref = given_flight or _sampled_trajectory(scenario)
-    course = trajectory.course
+    flight_profile = trajectory.flight_profile
     epochs = epochs_of(scenario, ref)
     t = epochs.t
     start = float(ref.t[0])
-    sky = seen_in(scenario, trajectory, t, start)
+    sky = cached_sky(scenario, trajectory, t, start)
     devices = sensors_of(scenario, trajectory, t, start)
     channels = channels_of(scenario, sky, devices)
     lines = lines_of(trajectory, np.array(scenario.receiver.lever_b), sky)
-    failed = failures(scenario.faults, course, t, sky.names, sky.elevation, sky.tracked)
-    spoofed = feigned(scenario.faults, trajectory, t, lines.position, lines.sight)
+    fault_effects = failures(scenario.faults, flight_profile, t, sky.names, sky.elevation, sky.is_tracked)
+    spoofing_errors = spoofer_errors(scenario.faults, trajectory, t, lines.position, lines.sight)
     return TrueFlight(
         trajectory=trajectory,
         reference=ref,
         epochs=epochs,
         sky=sky,
         lines=lines,
-        stamped=np.minimum(t, sky.t + delay(scenario.faults, course, t)),
+        time_tags=np.minimum(t, sky.t + delay(scenario.faults, flight_profile, t)),
         devices=devices,
         channels=channels,
-        ranging=channels._replace(tight=True) if solves(scenario) else channels,
-        delays=delays(trajectory, scenario.receiver, sky, scenario.atmosphere, scenario.filter.corrections),
-        failed=failed,
-        biased=np.stack([failed.bias, failed.drift], axis=2) + spoofed,
+        ranging=channels._replace(tight=True) if has_receiver_solution(scenario) else channels,
+        atmospheric_delays=delays(trajectory, scenario.receiver, sky, scenario.atmosphere, scenario.filter.corrections),
+        failures=fault_effects,
+        fault_errors=np.stack([fault_effects.bias, fault_effects.drift], axis=2) + spoofing_errors,
     )
 
 
@@ -105,10 +105,10 @@ def _sampled_trajectory(scenario: Scenario) -> tuple[Trajectory, Reference]:
     """Return the trajectory of a scenario and its samples at the IMU ticks."""
     card = scenario.trajectory
     text = identity(card)
-    return cached_trajectory(text, card), sampled(text, card, scenario.imu.rate)
+    return cached_trajectory(text, card), cached_reference(text, card, scenario.imu.rate)
 
 
-def ticks_of(times: Floats, start: float, rate: float, n_imu: int, group: int = 1) -> Ints:
+def ticks_of(times: Floats, start: float, rate: float, n_tick: int, group: int = 1) -> Ints:
     """Return the tick nearest to each time, at the end of a strapdown step.
 
     Parameters
@@ -117,12 +117,12 @@ def ticks_of(times: Floats, start: float, rate: float, n_imu: int, group: int = 
         s since lift-off. Times, and time of tick 0.
     rate
         Hz. Sampling rate of the IMU.
-    n_imu, group
+    n_tick, group
         Number of ticks; ticks of a strapdown step.
     """
     steps_since_start = (times - start) * rate / group
     nearest_step = np.rint(steps_since_start).astype(np.int64)
-    return np.clip(nearest_step * group, 0, n_imu)
+    return np.clip(nearest_step * group, 0, n_tick)
 
 
 def epochs_of(scenario: Scenario, ref: Reference) -> Epochs:
@@ -131,22 +131,22 @@ def epochs_of(scenario: Scenario, ref: Reference) -> Epochs:
     start = float(ref.t[0])
     end = float(ref.t[-1])
     group = scenario.filter.strapdown.ratio
-    n_tick = ref.dtheta.shape[0]
-    n_imu = n_tick // group * group
+    n_sampled_tick = ref.dtheta.shape[0]
+    n_tick = n_sampled_tick // group * group
     interval = epoch_interval(scenario)
     length = end - start
     n_epoch = math.floor(length / interval + 1e-9)
     count = np.arange(1, n_epoch + 1, dtype=np.float64)
     grid = start + interval * count
-    tick = ticks_of(grid, start, rate, n_imu, group)
+    tick = ticks_of(grid, start, rate, n_tick, group)
     # the times are those of the ticks, where increments end: half a tick is 20 m at orbital speed
-    return Epochs(ref.t[tick], tick, n_imu, group)
+    return Epochs(ref.t[tick], tick, n_tick, group)
 
 
 def channels_of(scenario: Scenario, sky: Sky, devices: tuple[Sensor, ...] = ()) -> Channels:
     """Return the measurement channels of a filter."""
     card = scenario.filter
-    ever_tracked = np.any(sky.tracked, axis=0).tolist()
+    ever_tracked = np.any(sky.is_tracked, axis=0).tolist()
     sensors = tuple(device.channels for device in devices)
     has_receiver = card.tight or card.loose
     further = tuple(name for name in card.measurements if name in FURTHER)

@@ -11,14 +11,14 @@ from lvnav_trade.filter.measurement_tuning import ProcessNoiseTable, RegionNoise
 from lvnav_trade.filter.states import TYPES
 from lvnav_trade.gnss.reception import dynamics_at
 from lvnav_trade.kernels.transition import ATT, EVERY_WINDOW, FIRST, KEPT, POS, RENEWED, VEL
-from lvnav_trade.quantities.conditions import ROUNDING, FlightProfile, inside
+from lvnav_trade.quantities.conditions import ROUNDING, FlightProfile, is_inside
 from lvnav_trade.quantities.records import Bools, Floats, Ints, Reference
 from lvnav_trade.quantities.state_layout import StateLayout
 from lvnav_trade.trajectory.flight import Trajectory
 
 
 def weights(
-    cards: Sequence[UnderweightingCard], course: FlightProfile, row_type: Ints, t_epoch: Floats
+    cards: Sequence[UnderweightingCard], flight_profile: FlightProfile, channel_type: Ints, t_epoch: Floats
 ) -> tuple[Floats, Floats]:
     """Return underweighting and noise factors of the measurements.
 
@@ -26,9 +26,9 @@ def weights(
     ----------
     cards
         Underweighting cards of the filter.
-    course
+    flight_profile
         Conditions of the trajectory.
-    row_type
+    channel_type
         (n_channel,). Measurement types.
     t_epoch
         (n_epoch,) s since lift-off.
@@ -40,12 +40,12 @@ def weights(
     factor
         (n_epoch, n_channel). Factor on the noise variance.
     """
-    beta = np.zeros((t_epoch.size, row_type.size))
+    beta = np.zeros((t_epoch.size, channel_type.size))
     factor = np.ones_like(beta)
     for card in cards:
         types = [TYPES[name] for name in card.measurements or TYPES]
-        in_condition = inside(course.holding(card), t_epoch)
-        applies = in_condition[:, None] & np.isin(row_type, types)
+        in_condition = is_inside(flight_profile.active_intervals(card), t_epoch)
+        applies = in_condition[:, None] & np.isin(channel_type, types)
         beta += np.where(applies, card.beta, 0.0)
         factor *= np.where(applies, card.noise_factor, 1.0)
     return beta, factor
@@ -88,64 +88,64 @@ def injections(
     Returns
     -------
     number
-        (n_window,). Row of `added` that is added at the end of each window, -1 none.
-    added
+        (n_window,). Row of `added_variance` that is added at the end of each window, -1 none.
+    added_variance
         (n_injection, n_state) SI squared. At least one row.
     """
     n_window = windows.n_tick.size
     number = np.full(n_window, -1, dtype=np.int64)
-    moved = windows.n_tick > 0
-    first = windows.first_tick[moved]
-    end = (windows.first_tick + windows.n_tick)[moved]
-    added = np.zeros((n_window, layout.n_state))
+    has_ticks = windows.n_tick > 0
+    first = windows.first_tick[has_ticks]
+    end = (windows.first_tick + windows.n_tick)[has_ticks]
+    added_variance = np.zeros((n_window, layout.n_state))
     for region in card.region_noise:
-        changed = np.zeros(n_window, dtype=bool)
-        changed[moved] = _changes(region, trajectory.course, ref, first, end)
-        added[changed] += _variance(region, layout, imu)
+        is_changed = np.zeros(n_window, dtype=bool)
+        is_changed[has_ticks] = _changes(region, trajectory.flight_profile, ref, first, end)
+        added_variance[is_changed] += _variance(region, layout, imu)
     if card.process_noise_by:
-        added[moved, :9] += _tabled_variance(card.process_noise_by, trajectory, ref.t[first], ref.t[end])
-    injecting = np.flatnonzero(np.any(added > 0.0, axis=1))
-    if not injecting.size:
+        added_variance[has_ticks, :9] += _tabled_variance(card.process_noise_by, trajectory, ref.t[first], ref.t[end])
+    injection_windows = np.flatnonzero(np.any(added_variance > 0.0, axis=1))
+    if not injection_windows.size:
         return number, np.zeros((1, layout.n_state))
-    number[injecting] = np.arange(injecting.size)
-    return number, added[injecting]
+    number[injection_windows] = np.arange(injection_windows.size)
+    return number, added_variance[injection_windows]
 
 
-def _changes(card: RegionNoiseCard, course: FlightProfile, ref: Reference, first: Ints, end: Ints) -> Bools:
+def _changes(card: RegionNoiseCard, flight_profile: FlightProfile, ref: Reference, first: Ints, end: Ints) -> Bools:
     """Return whether the operating region changes within each window, (n,).
 
     Parameters
     ----------
     card
         Card of the region noise, with conditions and thresholds.
-    course
+    flight_profile
         Conditions of the trajectory.
     ref
         True motion and ideal increments.
     first, end
         (n,). First tick of each window, and the tick after its last.
     """
-    intervals = course.holding(card)
+    intervals = flight_profile.active_intervals(card)
     t_first = ref.t[first]
     t_end = ref.t[end]
     if card.force_change is None and card.rate_change is None:
         edges = np.array([edge for interval in intervals for edge in interval])
-        since = t_first[:, None] + ROUNDING
-        until = t_end[:, None] + ROUNDING
-        is_in_window = (edges >= since) & (edges < until)
+        window_start = t_first[:, None] + ROUNDING
+        window_end = t_end[:, None] + ROUNDING
+        is_in_window = (edges >= window_start) & (edges < window_end)
         return np.asarray(np.any(is_in_window, axis=1))
-    changed = np.zeros(first.size, dtype=bool)
+    is_changed = np.zeros(first.size, dtype=bool)
     for limit, increments in ((card.force_change, ref.dvel), (card.rate_change, ref.dtheta)):
         if limit is None:
             continue
         sums = np.cumsum(increments, axis=0)
-        summed = np.concatenate([np.zeros((1, 3)), sums])
-        window_increment = summed[end] - summed[first]
+        increment_sums = np.concatenate([np.zeros((1, 3)), sums])
+        window_increment = increment_sums[end] - increment_sums[first]
         window_length = (t_end - t_first)[:, None]
         window_mean = window_increment / window_length
         has_jump = _jumps(window_mean, limit)
-        changed |= has_jump
-    return changed & inside(intervals, t_end)
+        is_changed |= has_jump
+    return is_changed & is_inside(intervals, t_end)
 
 
 def _tabled_variance(tables: Sequence[ProcessNoiseTable], trajectory: Trajectory, start: Floats, end: Floats) -> Floats:
@@ -170,8 +170,8 @@ def _tabled_variance(tables: Sequence[ProcessNoiseTable], trajectory: Trajectory
         for name, first in (("attitude", ATT), ("velocity", VEL), ("position", POS)):
             values = getattr(table, name)
             if values:
-                argument = getattr(dynamics, table.over)
-                grid = getattr(table, table.over)
+                argument = getattr(dynamics, table.independent_quantity)
+                grid = getattr(table, table.independent_quantity)
                 density = np.interp(argument, grid, values) ** 2
                 added_variance = density * length
                 variance[:, first : first + 3] += added_variance[:, None]
@@ -180,13 +180,13 @@ def _tabled_variance(tables: Sequence[ProcessNoiseTable], trajectory: Trajectory
 
 def _jumps(values: Floats, limit: float) -> Bools:
     """Return whether values (n, 3) differ by a limit or more from those at the last such change, (n,)."""
-    jumped = np.zeros(len(values), dtype=bool)
+    is_jump = np.zeros(len(values), dtype=bool)
     reference = values[0]
     for k, value in enumerate(values):
         if np.linalg.norm(value - reference) >= limit:
-            jumped[k] = True
+            is_jump[k] = True
             reference = value
-    return jumped
+    return is_jump
 
 
 def _variance(card: RegionNoiseCard, layout: StateLayout, imu: ImuModel) -> Floats:
@@ -229,12 +229,12 @@ def linearisations(card: FilterCard, rate: float, windows: TickWindows) -> Ints:
     codes = np.full(windows.n_tick.size, EVERY_WINDOW, dtype=np.int64)
     if card.transition_rate is None:
         return codes
-    moved = windows.n_tick > 0
+    has_ticks = windows.n_tick > 0
     ticks_per_step = max(1, round(rate / card.transition_rate))
-    step = windows.first_tick[moved] // ticks_per_step
+    step = windows.first_tick[has_ticks] // ticks_per_step
     is_new_step = np.diff(step, prepend=-1) > 0
-    moved_codes = np.where(is_new_step, RENEWED, KEPT)
+    tick_codes = np.where(is_new_step, RENEWED, KEPT)
     # no estimate exists before the first window, so it is linearised at its own means; the second renews the rates
-    moved_codes[:2] = (FIRST, RENEWED)[: moved_codes.size]
-    codes[moved] = moved_codes
+    tick_codes[:2] = (FIRST, RENEWED)[: tick_codes.size]
+    codes[has_ticks] = tick_codes
     return codes

@@ -9,12 +9,12 @@ from lvnav_trade.kernels.transition import ACCEL, CONSTANT, GYRO
 from lvnav_trade.kernels.vehicle import N_SAMPLE
 from lvnav_trade.quantities.per_axis import PerAxis, squares
 from lvnav_trade.quantities.records import Bools, Floats, Reference
-from lvnav_trade.quantities.shared_cards import EnvelopeCard, changing
+from lvnav_trade.quantities.shared_cards import EnvelopeCard, is_changing
 from lvnav_trade.quantities.state_layout import ErrorTerm, StateLayout
 from lvnav_trade.scenario.filter_models import filter_models
 from lvnav_trade.scenario.scenario import Scenario
 from lvnav_trade.simulation.preparation.inputs import ReportedSamples
-from lvnav_trade.trajectory.guided.course import changes
+from lvnav_trade.trajectory.guided.course import stage_event_times
 from lvnav_trade.trajectory.truth import Trajectory
 
 
@@ -45,13 +45,13 @@ def vehicle_of(scenario: Scenario, trajectory: Trajectory, ref: Reference, layou
     for number, block in enumerate(layout.parameters):
         if block.sensor in (GYRO, ACCEL):
             sensor_blocks[block.sensor].append((number, block))
-    most = max(len(blocks) for blocks in sensor_blocks)
-    blocks = np.full((2, most, 2), (-1, CONSTANT), dtype=np.int64)
+    max_blocks = max(len(blocks) for blocks in sensor_blocks)
+    blocks = np.full((2, max_blocks, 2), (-1, CONSTANT), dtype=np.int64)
     motion_states = layout.motion + np.arange(N_SAMPLE)
-    columns = np.repeat(motion_states[:, None], 1 + most, axis=1)
-    for sensor, numbered in enumerate(sensor_blocks):
+    columns = np.repeat(motion_states[:, None], 1 + max_blocks, axis=1)
+    for sensor, sensor_entries in enumerate(sensor_blocks):
         rows = slice(3 * sensor, 3 * sensor + 3)
-        for k, (number, block) in enumerate(numbered):
+        for k, (number, block) in enumerate(sensor_entries):
             blocks[sensor, k] = number, block.driver
             columns[rows, 1 + k] = block.offset + np.arange(3)
     return VehicleModel(
@@ -99,7 +99,7 @@ def samples_of(scenario: Scenario, ref: Reference, layout: StateLayout) -> Repor
 
 
 def walks(card: EnvelopeCard, trajectory: Trajectory, ref: Reference) -> Floats:
-    """Return the variances of the steps of angular rate and specific force into each tick, (n_imu, 6) SI squared.
+    """Return the variances of the steps of angular rate and specific force into each tick, (n_tick, 6) SI squared.
 
     The envelope depends on commanded rates and nozzle angles. Without control they are the rates of the trajectory and
     a fixed nozzle; under control they are the commands of the controller.
@@ -115,9 +115,9 @@ def walks(card: EnvelopeCard, trajectory: Trajectory, ref: Reference) -> Floats:
     rate = ref.w_ib_b[:-1, 1:]
     nozzle = np.zeros((t.size, 2))
     if trajectory.commands is not None:
-        rate, nozzle = trajectory.commands.at(t)
+        rate, nozzle = trajectory.commands.sample(t)
     is_burning = burning(trajectory, t)
-    bounds = envelopes(card, t, is_burning, changes(trajectory), rate, nozzle)
+    bounds = envelopes(card, t, is_burning, stage_event_times(trajectory), rate, nozzle)
     dt = t[1] - t[0]
     return np.hstack(bounds) ** 2 * dt**2
 
@@ -153,7 +153,7 @@ def burns(trajectory: Trajectory) -> list[tuple[float, float]]:
 def envelopes(
     card: EnvelopeCard,
     t: Floats,
-    burning: Bools,
+    is_burning: Bools,
     changes: Floats,
     commanded_rate: Floats,
     nozzle_command: Floats,
@@ -169,7 +169,7 @@ def envelopes(
         Envelope card.
     t
         (n,) s since lift-off.
-    burning
+    is_burning
         (n,). Whether a motor burns.
     changes
         s since lift-off. Times of phase changes.
@@ -184,32 +184,32 @@ def envelopes(
         (n, 3) m/s^3. Body axes.
     """
     dt = float(t[1] - t[0])
-    is_change = changing(card, t, changes)
-    is_disturbed = burning | is_change
-    unknown = np.asarray(np.where(is_disturbed, card.burn, card.coast))
+    is_change = is_changing(card, t, changes)
+    is_disturbed = is_burning | is_change
+    uncommanded_motion = np.asarray(np.where(is_disturbed, card.burn, card.coast))
     # pitch and yaw: response to commanded rates, and motion without a command
     commanded_acceleration = _slope(commanded_rate, commanded_rate[:1], dt)
-    commanded = card.turn_gain * commanded_acceleration
-    response = np.abs(_lagged(commanded, card.turn_time, dt))
+    commanded_turning = card.turn_gain * commanded_acceleration
+    response = np.abs(_lag_response(commanded_turning, card.turn_time, dt))
     turning = np.empty((t.size, 3))
     turning[:, 0] = card.roll
-    turning[:, 1:] = response + unknown[:, np.newaxis]
+    turning[:, 1:] = response + uncommanded_motion[:, np.newaxis]
     # a nozzle angle in pitch pushes along the axis of yaw, and vice versa
     nozzle_rate = _slope(nozzle_command, np.zeros((1, 2)), dt)
     nozzle_jerk = card.nozzle_gain * nozzle_rate
-    nozzle_response = np.abs(_lagged(nozzle_jerk, card.nozzle_time, dt))
+    nozzle_response = np.abs(_lag_response(nozzle_jerk, card.nozzle_time, dt))
     lateral = nozzle_response + card.lateral
-    axial = np.where(burning, card.axial_burn, card.axial_coast)
+    axial = np.where(is_burning, card.axial_burn, card.axial_coast)
     axial = np.where(is_change, card.axial_change, axial)
     return turning, np.column_stack([axial, lateral[:, 1], lateral[:, 0]])
 
 
-def _slope(value: Floats, before: Floats, dt: float) -> Floats:
-    """Return the backward difference (n, k) per second; before: (1, k) values before the first."""
-    return np.diff(value, axis=0, prepend=before) / dt
+def _slope(value: Floats, initial_value: Floats, dt: float) -> Floats:
+    """Return the backward difference (n, k) per second; initial_value: (1, k) value before the first."""
+    return np.diff(value, axis=0, prepend=initial_value) / dt
 
 
-def _lagged(drive: Floats, time_constant: float, dt: float) -> Floats:
+def _lag_response(drive: Floats, time_constant: float, dt: float) -> Floats:
     """Return the response (n, k) of a first-order lag to an input that is constant over each tick, from zero.
 
     Parameters

@@ -44,21 +44,21 @@ def align(log: NavigationData, card: NavigationLog) -> Alignment:
         If the vehicle is not at rest, the specific force at rest is not gravity, or the motion does not show a heading.
     """
     begin, end = card.still
-    at_rest = (log.t_fix >= begin) & (log.t_fix <= end)
-    if not at_rest.any() or end >= log.t_fix[-1]:
+    is_at_rest = (log.t_fix >= begin) & (log.t_fix <= end)
+    if not is_at_rest.any() or end >= log.t_fix[-1]:
         raise InputError(f"still: no solutions from {begin:g} to {end:g} s, or none after it")
-    speeds = np.linalg.norm(log.moving[at_rest], axis=1)
+    speeds = np.linalg.norm(log.velocity_ned[is_at_rest], axis=1)
     speed = float(np.max(speeds))
     if speed > _FASTEST:
         raise InputError(f"still: the vehicle moves at up to {speed:.2g} m/s from {begin:g} to {end:g} s")
-    place = np.mean(log.place[at_rest], axis=0)
-    rate = _mean_at_rest(log, card, log.turned)
-    force = _mean_at_rest(log, card, log.pushed)
+    place = np.mean(log.place[is_at_rest], axis=0)
+    rate = _mean_at_rest(log, card, log.angle_sums)
+    force = _mean_at_rest(log, card, log.velocity_sums)
     weight = _weight(place)
     force_size = float(np.linalg.norm(force))
     if abs(force_size - weight) > _WRONG_FORCE * weight:
         raise InputError(f"still: a mean specific force of {force_size:.5g} m/s^2, gravity there is {weight:.5g} m/s^2")
-    level = _levelled(-force / force_size)
+    level = _level_attitude(-force / force_size)
     if card.heading is not None:
         heading, sigma = card.heading, 0.0
     else:
@@ -74,7 +74,7 @@ def align(log: NavigationData, card: NavigationLog) -> Alignment:
     return Alignment(t=end, C_b_n=C_b_n, gyro_bias=bias, heading=heading, heading_sigma=sigma)
 
 
-def increments_to(log: NavigationData, t: Floats, sums: Floats) -> Floats:
+def interpolated_increments(log: NavigationData, t: Floats, sums: Floats) -> Floats:
     """Return the summed increments of a log at given times, interpolated linearly between its rows, (n, 3).
 
     Parameters
@@ -108,13 +108,13 @@ def _mean_at_rest(log: NavigationData, card: NavigationLog, sums: Floats) -> Flo
         (n_row, 3) rad or m/s. Increments summed up to each row.
     """
     begin, end = card.still
-    sum_at_end = increments_to(log, np.array([end]), sums)
-    sum_at_begin = increments_to(log, np.array([begin]), sums)
+    sum_at_end = interpolated_increments(log, np.array([end]), sums)
+    sum_at_begin = interpolated_increments(log, np.array([begin]), sums)
     increment = sum_at_end - sum_at_begin
     return np.asarray(increment[0] / (end - begin))
 
 
-def _levelled(down: Floats) -> Floats:
+def _level_attitude(down: Floats) -> Floats:
     """Return the attitude C_b_n (3, 3) with zero heading; down (3,): direction of the vertical, body axes."""
     if abs(down[0]) < _UPRIGHT:
         ahead = np.array([1.0, 0.0, 0.0])
@@ -150,10 +150,10 @@ def _motion_heading(
     _, begin = card.still
     end = begin + card.heading_within
     solutions = (log.t_fix > begin) & (log.t_fix <= end)
-    received_north = log.moving[solutions, 0]
-    received_east = log.moving[solutions, 1]
-    received = received_north + 1j * received_east
-    if not solutions.any() or np.sqrt(np.mean(np.abs(received) ** 2)) < _SLOWEST:
+    received_north = log.velocity_ned[solutions, 0]
+    received_east = log.velocity_ned[solutions, 1]
+    receiver_velocity = received_north + 1j * received_east
+    if not solutions.any() or np.sqrt(np.mean(np.abs(receiver_velocity) ** 2)) < _SLOWEST:
         raise InputError(
             f"heading: the vehicle hardly moves in the {card.heading_within:g} s after its rest; state the heading"
         )
@@ -164,14 +164,14 @@ def _motion_heading(
     t_fix = log.t_fix[solutions]
     inertial_ahead = np.interp(t_fix, t, velocity[:, 0])
     inertial_right = np.interp(t_fix, t, velocity[:, 1])
-    inertial = inertial_ahead + 1j * inertial_right
-    correlation = np.sum(received * np.conj(inertial))
+    imu_velocity = inertial_ahead + 1j * inertial_right
+    correlation = np.sum(receiver_velocity * np.conj(imu_velocity))
     heading = float(np.angle(correlation))
     # components of the received velocities across the inertial velocities, turned by the heading
-    direction = np.angle(inertial) + heading
-    across = np.imag(received * np.exp(-1j * direction))
-    sum_of_squares = np.sum(np.abs(inertial) ** 2)
-    variance = np.mean(across**2) / sum_of_squares
+    direction = np.angle(imu_velocity) + heading
+    cross_velocity = np.imag(receiver_velocity * np.exp(-1j * direction))
+    sum_of_squares = np.sum(np.abs(imu_velocity) ** 2)
+    variance = np.mean(cross_velocity**2) / sum_of_squares
     return heading, float(np.sqrt(variance))
 
 
@@ -190,8 +190,8 @@ def _inertial_velocity(log: NavigationData, t: Floats, level: Floats, rate: Floa
         (3,) rad/s. Rate that is subtracted from the angular rate, body axes.
     """
     dt = np.diff(t)[:, None]
-    angle_sums = increments_to(log, t, log.turned)
-    velocity_sums = increments_to(log, t, log.pushed)
+    angle_sums = interpolated_increments(log, t, log.angle_sums)
+    velocity_sums = interpolated_increments(log, t, log.velocity_sums)
     dtheta = np.diff(angle_sums, axis=0) - rate * dt
     dvel = np.diff(velocity_sums, axis=0)
     attitude = Rotation.from_matrix(level)

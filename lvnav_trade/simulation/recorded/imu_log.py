@@ -14,7 +14,7 @@ import numpy as np
 from lvnav_trade.quantities.data_file import column_names, read_columns, refuse_first, refuse_unordered, time_stamps
 from lvnav_trade.quantities.errors import InputError
 from lvnav_trade.quantities.records import Floats
-from lvnav_trade.trajectory.files.rows import si
+from lvnav_trade.trajectory.files.rows import si_factor
 
 FEWEST = 12
 _UNEVEN = 0.1  # of the interval; tolerance of evenly spaced rows
@@ -69,7 +69,7 @@ def read_log(
     gap: float | None = None,
     start: float = 0.0,
     end: float = math.inf,
-    counted: bool = False,
+    counts_rows: bool = False,
 ) -> ImuLog:
     """Return the IMU data of a log.
 
@@ -81,7 +81,7 @@ def read_log(
         Longest interval (s) of unevenly spaced rows. None: rows are evenly spaced.
     start, end : float
         Part of the log (s after its first row); the times of other rows are not checked.
-    counted : bool
+    counts_rows : bool
         Whether to number the rows, for evenly spaced rows whose time stamps scatter, such as those of a host computer.
 
     Raises
@@ -95,12 +95,12 @@ def read_log(
     accel_names, accel_unit, accel_increments = _columns(file, titles, "accel")
     names = [time, *gyro_names, *accel_names]
     table, places = read_columns(file, names, delimiter, FEWEST, "a log")
-    stamps = table[:, 0] if counted else time_stamps(table[:, 0], time.rpartition("_")[2], file, places)
+    stamps = table[:, 0] if counts_rows else time_stamps(table[:, 0], time.rpartition("_")[2], file, places)
     rows = _row_range(stamps * scale, start, end, file)
     table = table[rows]
     places = places[rows]
     t = stamps[rows] * scale
-    if counted:
+    if counts_rows:
         t = _even_times(t, file, places)
     if gap is None:
         dt = _interval(t - t[0], file, places)
@@ -108,8 +108,8 @@ def read_log(
     else:
         dt = _mean_interval(t, file, places, gap)
         intervals = np.diff(t, prepend=t[0] - dt)[:, None]
-    gyro_scale = si(gyro_unit, _SI["gyro"][gyro_increments])
-    accel_scale = si(accel_unit, _SI["accel"][accel_increments])
+    gyro_scale = si_factor(gyro_unit, _SI["gyro"][gyro_increments])
+    accel_scale = si_factor(accel_unit, _SI["accel"][accel_increments])
     with np.errstate(over="ignore"):  # infinite values are refused below
         gyro = table[:, 1:4] * gyro_scale / (intervals if gyro_increments else 1.0)
         accel = table[:, 4:7] * accel_scale / (intervals if accel_increments else 1.0)
@@ -126,11 +126,11 @@ def _refuse_impossible(gyro: Floats, accel: Floats, file: str, places: list[str]
     refuse_first(
         force > _STRONGEST, file, places, lambda k: f"a specific force of {force[k]:.4g} m/s^2; is the unit right?"
     )
-    empty = (rate == 0.0) & (force == 0.0)
-    before = np.append(force[:1], force[:-1])
-    after = np.append(force[1:], force[-1:])
+    is_empty = (rate == 0.0) & (force == 0.0)
+    previous_force = np.append(force[:1], force[:-1])
+    next_force = np.append(force[1:], force[-1:])
     refuse_first(
-        empty & (np.maximum(before, after) > _SOME),
+        is_empty & (np.maximum(previous_force, next_force) > _SOME),
         file,
         places,
         lambda k: "all six columns are zero, and the specific force is not in the row next to it: a row without data",
@@ -146,26 +146,26 @@ def time_column(file: str, titles: Sequence[str]) -> tuple[str, float]:
     raise InputError(f"{file}: no column of time: name it t_s, t_ms, t_us or t_ns")
 
 
-def _columns(file: str, titles: Sequence[str], part: str) -> tuple[list[str], str, bool]:
+def _columns(file: str, titles: Sequence[str], sensor: str) -> tuple[list[str], str, bool]:
     """Return the names of the x, y and z columns of a triad, their unit, and whether they are increments.
 
     Parameters
     ----------
     file, titles
         Name of the file, and titles of its columns.
-    part
+    sensor
         "gyro" or "accel".
     """
-    endings = _GYRO if part == "gyro" else _ACCEL
+    endings = _GYRO if sensor == "gyro" else _ACCEL
     title_of = {title.replace("_per_", "_"): title for title in titles}
     for end, (unit, increments) in endings.items():
-        names = [f"{part}_{axis}_{end}" for axis in "xyz"]
+        names = [f"{sensor}_{axis}_{end}" for axis in "xyz"]
         if all(name in title_of for name in names):
             titles_of_axes = [title_of[name] for name in names]
             return titles_of_axes, unit, increments
     raise InputError(
-        f"{file}: no columns {part}_x_UNIT, {part}_y_UNIT, {part}_z_UNIT of one unit: {', '.join(endings)}; it has "
-        f"{', '.join(titles[:12])}"
+        f"{file}: no columns {sensor}_x_UNIT, {sensor}_y_UNIT, {sensor}_z_UNIT of one unit: {', '.join(endings)}; "
+        f"it has {', '.join(titles[:12])}"
     )
 
 
@@ -186,8 +186,8 @@ def _interval(t: Floats, file: str, places: list[str]) -> float:
     """
     steps = np.diff(t)
     dt = float(np.median(steps))
-    uneven = np.abs(steps - dt) > _UNEVEN * dt
-    if np.count_nonzero(uneven) > max(_FEW, _PART * uneven.size):
+    is_uneven = np.abs(steps - dt) > _UNEVEN * dt
+    if np.count_nonzero(is_uneven) > max(_FEW, _PART * is_uneven.size):
         _refuse_scatter(t, file)
     refuse_unordered(t, file, places)
     refuse_first(
@@ -197,7 +197,7 @@ def _interval(t: Floats, file: str, places: list[str]) -> float:
         lambda k: f"a gap: no rows between {t[k]:.9g} s and {t[k + 1]:.9g} s, {dt:.6g} s apart elsewhere",
     )
     refuse_first(
-        uneven,
+        is_uneven,
         file,
         places[1:],
         lambda k: f"uneven sampling: a row {steps[k]:.6g} s after the one before, {dt:.6g} s elsewhere",
@@ -235,9 +235,9 @@ def _scatter(t: Floats) -> tuple[float, float]:
         after_step = k + 1
         begin = max(0, after_step - lag)
         end = after_step + lag
-        before = np.median(deviation[begin:after_step])
-        after = np.median(deviation[after_step:end])
-        if after - before > 0.5 * dt:
+        earlier_deviation = np.median(deviation[begin:after_step])
+        later_deviation = np.median(deviation[after_step:end])
+        if later_deviation - earlier_deviation > 0.5 * dt:
             return dt, 0.0
     slope, base = np.polyfit(count, t, 1)
     residual = t - slope * count - base
@@ -303,9 +303,9 @@ def _row_range(t: Floats, start: float, end: float, file: str) -> slice:
     InputError
         If the part has too few rows.
     """
-    since = t - t[0]
+    time_since_first = t - t[0]
     bounds = [start - 1e-9, end + 1e-9]
-    first, last = np.searchsorted(since, bounds)
+    first, last = np.searchsorted(time_since_first, bounds)
     begin = int(first) if start > 0.0 else 0
     stop = int(last) if math.isfinite(end) else t.size
     n_row = stop - begin

@@ -16,7 +16,7 @@ from lvnav_trade.kernels.earth import OMEGA, gravity_along
 from lvnav_trade.quantities.errors import InputError
 from lvnav_trade.quantities.frames import earth_angle, ecef_from_geodetic, eci_from_ecef, gmst, rotation_e_n
 from lvnav_trade.quantities.records import Bools, Floats, Ints
-from lvnav_trade.simulation.recorded.alignment import increments_to
+from lvnav_trade.simulation.recorded.alignment import interpolated_increments
 from lvnav_trade.simulation.recorded.navigation_log import NavigationData, NavigationLog
 
 _LONGEST = 2.0  # s, largest interval between solutions that are compared
@@ -55,15 +55,15 @@ class _Intervals(NamedTuple):
 
     first : (n,). Solution at the start.
     last : (n,). Solution at the end.
-    gained : (n, 3) m/s. Velocity gained by the receiver beyond gravitation, frame i.
-    pushed : (n, 3) m/s. Velocity increments of the IMU, body axes at the start.
+    receiver_dvel : (n, 3) m/s. Velocity gained by the receiver beyond gravitation, frame i.
+    imu_dvel : (n, 3) m/s. Velocity increments of the IMU, body axes at the start.
     turn : (n, 3, 3). Rotation from body axes at the end to those at the start.
     """
 
     first: Ints
     last: Ints
-    gained: Floats
-    pushed: Floats
+    receiver_dvel: Floats
+    imu_dvel: Floats
     turn: Floats
 
 
@@ -91,13 +91,13 @@ def inertial_fixes(log: NavigationData, start: float, theta0: float) -> tuple[Fl
     r_e = ecef_from_geodetic(*log.place.T)
     r_i = eci_from_ecef(r_e, theta)
     C_e_n = rotation_e_n(latitude, longitude)
-    v_e = np.einsum("nji,nj->ni", C_e_n, log.moving)
+    v_e = np.einsum("nji,nj->ni", C_e_n, log.velocity_ned)
     earth_rotation_velocity = np.cross([0.0, 0.0, OMEGA], r_i)
     v_i = eci_from_ecef(v_e, theta) + earth_rotation_velocity
     return t, r_i, v_i
 
 
-def consistent(log: NavigationData, card: NavigationLog, lever: Floats) -> NavigationData:
+def remove_wild_solutions(log: NavigationData, card: NavigationLog, lever: Floats) -> NavigationData:
     """Return a log without the solutions whose velocities contradict the IMU.
 
     Parameters
@@ -115,30 +115,30 @@ def consistent(log: NavigationData, card: NavigationLog, lever: Floats) -> Navig
     bias = _rest_rate(log, card.still)
     _refuse_units(log, card, lever, bias)
     intervals = _intervals(log, lever, bias, 0.0)
-    residuals, compared_intervals = _unexplained(intervals, log.t_fix)
+    residuals, compared_intervals = _interval_residuals(intervals, log.t_fix)
     if not compared_intervals.size:
         return log
     size = np.full(intervals.first.size, np.nan)
     size[compared_intervals] = residuals
     typical_residual = float(np.median(residuals))
-    allowed = max(_JUMP, _SCATTERS * typical_residual)
-    bad = np.nan_to_num(size) > allowed
+    residual_limit = max(_JUMP, _SCATTERS * typical_residual)
+    bad = np.nan_to_num(size) > residual_limit
     if not bad.any():
         return log
     wild = _both_sides(intervals, bad, log.t_fix.size)
     n_wild = np.count_nonzero(wild)
-    explained = wild[intervals.first] | wild[intervals.last]
+    is_explained = wild[intervals.first] | wild[intervals.last]
     most_wild = max(1.0, _MOST_WILD * wild.size)
-    unexplained = bad & ~explained
-    if n_wild > most_wild or unexplained.any():
-        k = int(np.argmax(bad if explained.all() else unexplained))
+    is_unexplained = bad & ~is_explained
+    if n_wild > most_wild or is_unexplained.any():
+        k = int(np.argmax(bad if is_explained.all() else is_unexplained))
         previous_row = intervals.first[k]
         row = intervals.last[k]
         step = log.t_fix[row] - log.t_fix[previous_row]
         line = log.lines[row] if log.lines else row
         raise InputError(
-            f"{log.fixes}:{line}: in the {step:.3g} s before it the velocity gains {size[k]:.3g} m/s that the unit "
-            f"({card.imu.file}) does not show: are times, units and axes of both right, and has neither a jump?"
+            f"{log.solution_file}:{line}: in the {step:.3g} s before it the velocity gains {size[k]:.3g} m/s that the "
+            f"unit ({card.imu.file}) does not show: are times, units and axes of both right, and has neither a jump?"
         )
     bad_sizes = np.where(bad, size, np.nan)
     worst = float(np.nanmax(bad_sizes))
@@ -148,7 +148,7 @@ def consistent(log: NavigationData, card: NavigationLog, lever: Floats) -> Navig
         f"velocities of {n_wild} of {wild.size} solutions contradict the unit, by up to {worst:.3g} "
         f"m/s: left out ({card.gnss.file}:{first_lines})"
     )
-    return _selected(log, np.logical_not(wild))._replace(notes=(*log.notes, note))
+    return _select_solutions(log, np.logical_not(wild))._replace(notes=(*log.notes, note))
 
 
 def _both_sides(intervals: _Intervals, bad: Bools, n: int) -> Bools:
@@ -166,14 +166,14 @@ def _both_sides(intervals: _Intervals, bad: Bools, n: int) -> Bools:
     return np.asarray(all_wrong & is_sufficient)
 
 
-def _selected(log: NavigationData, selected: Bools) -> NavigationData:
+def _select_solutions(log: NavigationData, selection: Bools) -> NavigationData:
     """Return a log with the selected solutions (m,) only."""
-    lines = tuple(line for line, is_selected in zip(log.lines, selected, strict=False) if is_selected)
+    lines = tuple(line for line, is_selected in zip(log.lines, selection, strict=False) if is_selected)
     return log._replace(
-        t_fix=log.t_fix[selected],
-        place=log.place[selected],
-        moving=log.moving[selected],
-        sigma=log.sigma[selected],
+        t_fix=log.t_fix[selection],
+        place=log.place[selection],
+        velocity_ned=log.velocity_ned[selection],
+        sigma=log.sigma[selection],
         lines=lines,
     )
 
@@ -181,29 +181,29 @@ def _selected(log: NavigationData, selected: Bools) -> NavigationData:
 def _rest_rate(log: NavigationData, still: tuple[float, float]) -> Floats:
     """Return the mean rate (3,) rad/s of the log during its rest."""
     t_begin, t_end = still
-    angles_begin, angles_end = increments_to(log, np.array(still), log.turned)
+    angles_begin, angles_end = interpolated_increments(log, np.array(still), log.angle_sums)
     return np.asarray((angles_end - angles_begin) / (t_end - t_begin))
 
 
 def _refuse_units(log: NavigationData, card: NavigationLog, lever: Floats, bias: Floats) -> None:
     """Raise InputError if rates in another unit or with another sign fit the receiver, and those of the log do not."""
-    first_solutions = _selected(log, np.asarray(log.t_fix <= card.still[1] + _SEARCHED))
-    stated = _typical_residual(first_solutions, lever, bias, np.ones(3))
-    if stated <= _UNFIT:
+    first_solutions = _select_solutions(log, np.asarray(log.t_fix <= card.still[1] + _SEARCHED))
+    stated_residual = _typical_residual(first_solutions, lever, bias, np.ones(3))
+    if stated_residual <= _UNFIT:
         return
     candidates = []
     for factor, explanation in (*_UNITS, *_SIGNS):
         candidates.append((_typical_residual(first_solutions, lever, bias, factor), explanation))
     best, explanation = min(candidates, key=lambda candidate: candidate[0])
-    if best <= _BETTER * stated:
+    if best <= _BETTER * stated_residual:
         raise InputError(
-            f"{card.imu.file}: the rates contradict the receiver's velocities, which gain {stated:.2g} m/s in some "
-            f"{_STEP:g} s that they do not explain; {best:.2g} m/s {explanation}: are units and axes right?"
+            f"{card.imu.file}: the rates contradict the receiver's velocities, which gain {stated_residual:.2g} m/s in "
+            f"some {_STEP:g} s that they do not explain; {best:.2g} m/s {explanation}: are units and axes right?"
         )
-    if stated > _IMPOSSIBLE:
+    if stated_residual > _IMPOSSIBLE:
         raise InputError(
-            f"{card.imu.file}: the unit contradicts the receiver's velocities, which gain {stated:.2g} m/s in some "
-            f"{_STEP:g} s that it does not explain: are units, axes and times of both right?"
+            f"{card.imu.file}: the unit contradicts the receiver's velocities, which gain {stated_residual:.2g} m/s in "
+            f"some {_STEP:g} s that it does not explain: are units, axes and times of both right?"
         )
 
 
@@ -221,9 +221,9 @@ def _typical_residual(log: NavigationData, lever: Floats, bias: Floats, factor: 
     factor
         (3,). Factor on the rates, by axis.
     """
-    scaled = log._replace(turned=log.turned * factor)
-    intervals = _intervals(scaled, lever, bias * factor, _STEP)
-    residuals, _ = _unexplained(intervals, log.t_fix)
+    scaled_log = log._replace(angle_sums=log.angle_sums * factor)
+    intervals = _intervals(scaled_log, lever, bias * factor, _STEP)
+    residuals, _ = _interval_residuals(intervals, log.t_fix)
     return float(np.median(residuals)) if residuals.size else 0.0
 
 
@@ -245,7 +245,7 @@ def _intervals(log: NavigationData, lever: Floats, bias: Floats, step: float) ->
     if not first.size:
         no_velocities = np.zeros((0, 3))
         no_rotations = np.zeros((0, 3, 3))
-        return _Intervals(first, last, gained=no_velocities, pushed=no_velocities, turn=no_rotations)
+        return _Intervals(first, last, receiver_dvel=no_velocities, imu_dvel=no_velocities, turn=no_rotations)
     start = log.t_fix[first]
     dt = log.t_fix[last] - start
     dtheta, dvel = _interval_increments(log, start, dt)
@@ -253,12 +253,12 @@ def _intervals(log: NavigationData, lever: Floats, bias: Floats, step: float) ->
     part_length = (dt / n_part)[:, None, None]
     dtheta = dtheta - bias * part_length
     C = np.tile(np.eye(3), (dt.size, 1, 1))
-    pushed = np.zeros((dt.size, 3))
+    imu_dvel = np.zeros((dt.size, 3))
     for k in range(n_part):
         angle = dtheta[:, k]
         velocity = dvel[:, k]
         in_middle = velocity + 0.5 * np.cross(angle, velocity)  # rotation during the step
-        pushed += np.einsum("nij,nj->ni", C, in_middle)
+        imu_dvel += np.einsum("nij,nj->ni", C, in_middle)
         C = C @ Rotation.from_rotvec(angle).as_matrix()
     # the velocity of the antenna includes that by the lever arm, w x r
     per_second = (n_part / dt)[:, None]
@@ -266,14 +266,14 @@ def _intervals(log: NavigationData, lever: Floats, bias: Floats, step: float) ->
     rate_at_end = dtheta[:, -1] * per_second
     lever_at_start = np.cross(rate_at_start, lever)
     lever_at_end = np.cross(rate_at_end, lever)
-    pushed += np.einsum("nij,nj->ni", C, lever_at_end) - lever_at_start
+    imu_dvel += np.einsum("nij,nj->ni", C, lever_at_end) - lever_at_start
     theta0 = gmst(log.epoch)
     _, r_i, v_i = inertial_fixes(log, 0.0, theta0)
     middle_r_i = 0.5 * (r_i[first] + r_i[last])
     gravitation = gravity_along(middle_r_i)
     by_gravitation = gravitation * dt[:, None]
-    gained = v_i[last] - v_i[first] - by_gravitation
-    return _Intervals(first, last, gained=gained, pushed=pushed, turn=C)
+    receiver_dvel = v_i[last] - v_i[first] - by_gravitation
+    return _Intervals(first, last, receiver_dvel=receiver_dvel, imu_dvel=imu_dvel, turn=C)
 
 
 def _interval_increments(log: NavigationData, start: Floats, dt: Floats) -> tuple[Floats, Floats]:
@@ -297,8 +297,8 @@ def _interval_increments(log: NavigationData, start: Floats, dt: Floats) -> tupl
     grid = start[:, None] + dt[:, None] * edges / n_part
     times = grid.ravel()
     shape = (*grid.shape, 3)
-    angle_sums = increments_to(log, times, log.turned).reshape(shape)
-    velocity_sums = increments_to(log, times, log.pushed).reshape(shape)
+    angle_sums = interpolated_increments(log, times, log.angle_sums).reshape(shape)
+    velocity_sums = interpolated_increments(log, times, log.velocity_sums).reshape(shape)
     dtheta = np.diff(angle_sums, axis=1)
     dvel = np.diff(velocity_sums, axis=1)
     return dtheta, dvel
@@ -322,34 +322,34 @@ def _interval_ends(log: NavigationData, step: float) -> tuple[Ints, Ints]:
     return first[is_short], last[is_short]
 
 
-def _unexplained(intervals: _Intervals, t_fix: Floats) -> tuple[Floats, Ints]:
+def _interval_residuals(intervals: _Intervals, t_fix: Floats) -> tuple[Floats, Ints]:
     """Return the residuals (n,) m/s of the intervals that lie in windows, and their indices (n,)."""
     blocks = _blocks(intervals, t_fix)
     if not blocks.size:
         return np.zeros(0), np.zeros(0, dtype=np.int64)
     # velocity increments of the IMU in the axes at the start of each window
     C = np.tile(np.eye(3), (len(blocks), 1, 1))
-    pushed = np.empty((*blocks.shape, 3))
+    imu_dvel = np.empty((*blocks.shape, 3))
     for k in range(blocks.shape[1]):
         interval = blocks[:, k]
-        pushed[:, k] = np.einsum("nij,nj->ni", C, intervals.pushed[interval])
+        imu_dvel[:, k] = np.einsum("nij,nj->ni", C, intervals.imu_dvel[interval])
         C = C @ intervals.turn[interval]
-    gained = intervals.gained[blocks]
+    receiver_dvel = intervals.receiver_dvel[blocks]
     weight = np.ones(blocks.shape)
     size = weight
     for _ in range(_PASSES):  # reweighting, so that a wild solution does not bias the attitude
-        # Wahba's problem: the attitude is U V' of the weighted sum of gained pushed', with determinant 1
-        correlation = np.einsum("nk,nki,nkj->nij", weight, gained, pushed)
+        # Wahba's problem: the attitude is U V' of the weighted sum of receiver_dvel imu_dvel', with determinant 1
+        correlation = np.einsum("nk,nki,nkj->nij", weight, receiver_dvel, imu_dvel)
         U, _singular, Vt = np.linalg.svd(correlation)
         determinant = np.linalg.det(U @ Vt)
         U[:, :, 2] *= np.sign(determinant)[:, None]
         attitude = U @ Vt
-        residual = gained - np.einsum("nij,nkj->nki", attitude, pushed)
+        residual = receiver_dvel - np.einsum("nij,nkj->nki", attitude, imu_dvel)
         size = np.linalg.norm(residual, axis=2)
         typical_size = np.median(size, axis=1, keepdims=True)
         scale = np.maximum(typical_size, 1e-6)
-        normalised = size / (3.0 * scale)
-        weight = 1.0 / (1.0 + normalised**2)
+        normalised_residual = size / (3.0 * scale)
+        weight = 1.0 / (1.0 + normalised_residual**2)
     indices, first_place = np.unique(blocks.ravel(), return_index=True)  # the last two windows may overlap
     residuals = size.ravel()[first_place]
     return residuals, indices

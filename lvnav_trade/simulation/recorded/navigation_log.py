@@ -123,9 +123,9 @@ def read_ranges(card: RangesFile, folder: Path, zero: float) -> Ranges:
 def _listed_rows(file: str, places: list[str], rows: Bools) -> str:
     """Return the name of the file with the first of the rows (n,)."""
     indices = np.flatnonzero(rows)
-    listed = ", ".join(places[k] for k in indices[:5])
-    more = ", ..." if indices.size > 5 else ""
-    return f"{os.path.basename(file)}:{listed}{more}"
+    first_places = ", ".join(places[k] for k in indices[:5])
+    ellipsis = ", ..." if indices.size > 5 else ""
+    return f"{os.path.basename(file)}:{first_places}{ellipsis}"
 
 
 def _refuse_second(t: Floats, names: tuple[str, ...], file: str, places: list[str]) -> None:
@@ -162,7 +162,7 @@ class ImuFile(Card):
     delay: Duration = Field(0.0, description="delay of the IMU's time tags relative to those of the receiver")
 
     def _faults(self) -> Iterator[str]:
-        if round(float(np.linalg.det(turning(self.axes)))) != 1:
+        if round(float(np.linalg.det(axis_rotation(self.axes)))) != 1:
             yield f"axes: {', '.join(self.axes)} is no right-handed triad of three axes"
 
 
@@ -202,34 +202,34 @@ class NavigationData(NamedTuple):
     """Recorded IMU and receiver data; times in s from the receiver's first row of the file.
 
     t : (n,) s. Start of the first sampling interval of the IMU, then the end of each.
-    turned : (n, 3) rad. Sum of the angle increments up to t, body axes.
-    pushed : (n, 3) m/s. Sum of the velocity increments up to t, body axes.
+    angle_sums : (n, 3) rad. Sum of the angle increments up to t, body axes.
+    velocity_sums : (n, 3) m/s. Sum of the velocity increments up to t, body axes.
     t_fix : (m,) s. Times of the receiver's solutions.
     place : (m, 3) rad, rad, m. Latitude, longitude, height.
-    moving : (m, 3) m/s. Velocity north, east, down.
+    velocity_ned : (m, 3) m/s. Velocity north, east, down.
     sigma : (m, 6). Sigma of position and velocity; NaN without columns of it.
     epoch : UTC of time zero.
     ranges : Recorded ranges; None without a file of them.
     lines : (m,). Lines of the solutions in their file.
-    fixes : Name of the file of the solutions.
+    solution_file : Name of the file of the solutions.
     notes : Remarks on rows of the files that are omitted.
     """
 
     t: Floats
-    turned: Floats
-    pushed: Floats
+    angle_sums: Floats
+    velocity_sums: Floats
     t_fix: Floats
     place: Floats
-    moving: Floats
+    velocity_ned: Floats
     sigma: Floats
     epoch: str
     ranges: Ranges | None = None
     lines: tuple[str, ...] = ()
-    fixes: str = ""
+    solution_file: str = ""
     notes: tuple[str, ...] = ()
 
 
-def turning(axes: tuple[str, ...]) -> Floats:
+def axis_rotation(axes: tuple[str, ...]) -> Floats:
     """Return the matrix (3, 3) from the axes of a log to body axes."""
     matrix = np.zeros((3, 3))
     for row, axis in enumerate(axes):
@@ -260,23 +260,23 @@ def read_recording(card: NavigationLog, folder: Path) -> NavigationData:
     origin = np.zeros(3)
     angle_sums = np.cumsum(np.vstack([origin, dtheta]), axis=0)
     velocity_sums = np.cumsum(np.vstack([origin, dvel]), axis=0)
-    to_body = turning(card.imu.axes).T
+    to_body = axis_rotation(card.imu.axes).T
     ranges = None if card.ranges is None else read_ranges(card.ranges, folder, zero)
     notes = solutions.notes
     if ranges is not None:
         notes = notes + ranges.notes
     return NavigationData(
         t=t - zero,
-        turned=angle_sums @ to_body,
-        pushed=velocity_sums @ to_body,
+        angle_sums=angle_sums @ to_body,
+        velocity_sums=velocity_sums @ to_body,
         t_fix=solutions.t - zero,
         place=solutions.place,
-        moving=solutions.moving,
+        velocity_ned=solutions.velocity_ned,
         sigma=solutions.sigma,
         epoch=epoch,
         ranges=ranges,
         lines=solutions.lines,
-        fixes=solutions.file,
+        solution_file=solutions.file,
         notes=notes,
     )
 
@@ -301,18 +301,18 @@ def first_row_utc(card: NavigationLog, seconds: float, file: str) -> str:
     utc = utc_time(card.epoch)
     scale = card.time_scale or {GPS_ORIGIN: "gps", UNIX_ORIGIN: "unix"}.get(utc)
     try:
-        skipped = utc + timedelta(seconds=seconds)
-        counted = datetime.fromisoformat(utc_after(card.epoch, seconds))
-        possible = YEARS[0] <= skipped.year <= YEARS[1]
+        unix_utc = utc + timedelta(seconds=seconds)
+        gps_utc = datetime.fromisoformat(utc_after(card.epoch, seconds))
+        possible = YEARS[0] <= unix_utc.year <= YEARS[1]
     except OverflowError:
         possible = False
     if not possible:
         raise InputError(f"{file}: its first row is {seconds:.9g} s after {card.epoch}; is the unit of time right?")
-    if scale is None and counted != skipped:
-        count = round((skipped - counted).total_seconds())
+    if scale is None and gps_utc != unix_utc:
+        count = round((unix_utc - gps_utc).total_seconds())
         raise InputError(
             f"{file}: {count} leap second{'s' if abs(count) > 1 else ''} between the epoch {card.epoch} and the first "
             "row: state time_scale in the card: gps where the column of time counts leap seconds, unix where it skips "
             "them"
         )
-    return (skipped if scale == "unix" else counted).isoformat()
+    return (unix_utc if scale == "unix" else gps_utc).isoformat()

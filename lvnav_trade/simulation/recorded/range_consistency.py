@@ -13,7 +13,7 @@ from lvnav_trade.kernels.clock import SPEED_OF_LIGHT
 from lvnav_trade.quantities.errors import InputError
 from lvnav_trade.quantities.line_of_sight import sight
 from lvnav_trade.quantities.records import Bools, Floats
-from lvnav_trade.simulation.preparation.prepare import Prepared
+from lvnav_trade.simulation.preparation.prepare import PreparedCase
 
 _COLUMNS = ("pseudorange_m", "range_rate_m_s")
 _UNITS = ("m", "m/s")
@@ -37,24 +37,24 @@ _READINGS = (
 class RecordedRanges(NamedTuple):
     """Recorded ranges and range rates.
 
-    observed : (n_epoch, n_sat, 2) m, m/s. As measured.
-    added : (n_epoch, n_sat, 2) m, m/s. Corrections to be added.
-    tracked : (n_epoch, n_sat). Whether they are used.
-    needed : Columns that the filter processes.
+    measured_ranges : (n_epoch, n_sat, 2) m, m/s. As measured.
+    corrections : (n_epoch, n_sat, 2) m, m/s. Corrections to be added.
+    is_used : (n_epoch, n_sat). Whether they are used.
+    columns : Columns that the filter processes.
     """
 
-    observed: Floats
-    added: Floats
-    tracked: Bools
-    needed: list[int]
+    measured_ranges: Floats
+    corrections: Floats
+    is_used: Bools
+    columns: list[int]
 
 
-def compared(prepared: Prepared, log: RecordedRanges, file: str) -> tuple[Bools, tuple[str, ...]]:
+def check_ranges(prepared_case: PreparedCase, log: RecordedRanges, file: str) -> tuple[Bools, tuple[str, ...]]:
     """Return whether measurements are used (n_epoch, n_sat), and notes on those that contradict the solutions.
 
     Parameters
     ----------
-    prepared
+    prepared_case
         Prepared case, with the solutions of the log.
     log
         Recorded ranges.
@@ -66,48 +66,48 @@ def compared(prepared: Prepared, log: RecordedRanges, file: str) -> tuple[Bools,
     InputError
         If the measurements contradict the solutions throughout.
     """
-    expected = _expected(prepared)
-    compared_ranges = _near_solution(prepared)[:, None] & log.tracked
-    omitted = np.zeros_like(log.tracked)
+    predicted_ranges = _predicted_ranges(prepared_case)
+    compared_ranges = _near_solution(prepared_case)[:, None] & log.is_used
+    is_omitted = np.zeros_like(log.is_used)
     largest: list[str] = []
-    for column in log.needed:
-        measured = log.observed[:, :, column] + log.added[:, :, column]
-        difference = measured - expected[:, :, column]
+    for column in log.columns:
+        measurement = log.measured_ranges[:, :, column] + log.corrections[:, :, column]
+        difference = measurement - predicted_ranges[:, :, column]
         residuals = _residuals(difference, compared_ranges)
         sizes = np.abs(residuals[np.isfinite(residuals)])
         if not sizes.size:
             continue
-        typical = float(np.median(sizes))
-        if typical > _CONTRADICTED[column]:
-            rate = expected[:, :, 1]
+        typical_residual = float(np.median(sizes))
+        if typical_residual > _CONTRADICTED[column]:
+            rate = predicted_ranges[:, :, 1]
             if column == 0:
                 hint = _range_hint(residuals, rate)
             else:
-                hint = _rate_hint(log, rate, compared_ranges, typical)
+                hint = _rate_hint(log, rate, compared_ranges, typical_residual)
             raise InputError(
                 f"{file}: {_COLUMNS[column]} contradicts the solutions: without the receiver's "
-                f"clock, half of them are off by more than {_quantity(typical, column)}; {hint}"
+                f"clock, half of them are off by more than {_quantity(typical_residual, column)}; {hint}"
             )
-        allowed = max(_WILD[column], _SCATTERS * typical)
-        wild = np.abs(np.nan_to_num(residuals)) > allowed
-        omitted |= wild
+        residual_limit = max(_WILD[column], _SCATTERS * typical_residual)
+        wild = np.abs(np.nan_to_num(residuals)) > residual_limit
+        is_omitted |= wild
         if wild.any():
             largest_size = float(sizes.max())
             largest.append(_quantity(largest_size, column))
-    n_omitted = int(np.count_nonzero(omitted))
+    n_omitted = int(np.count_nonzero(is_omitted))
     if not n_omitted:
-        return log.tracked, ()
+        return log.is_used, ()
     n_compared = np.count_nonzero(compared_ranges)
-    by_satellite = _omitted_by_satellite(omitted, prepared.sky.names)
+    by_satellite = _omitted_by_satellite(is_omitted, prepared_case.sky.names)
     note = f"{n_omitted} of {n_compared} ranges contradict the solutions, by up to {' and '.join(largest)}"
     if n_omitted > max(1.0, _MOST_WILD * n_compared):
         raise InputError(f"{file}: {note}: {by_satellite}")
-    return log.tracked & ~omitted, (f"{note}: left out, by satellite: {by_satellite}",)
+    return log.is_used & ~is_omitted, (f"{note}: left out, by satellite: {by_satellite}",)
 
 
-def _omitted_by_satellite(omitted: Bools, names: tuple[str, ...]) -> str:
+def _omitted_by_satellite(is_omitted: Bools, names: tuple[str, ...]) -> str:
     """Return the number of omitted ranges (n_epoch, n_sat) of the first satellites, as text."""
-    _, satellites = np.nonzero(omitted)
+    _, satellites = np.nonzero(is_omitted)
     counts = Counter(names[k] for k in satellites.tolist())
     first_counts = sorted(counts.items())[:_NAMED]
     return ", ".join(f"{name} ({count})" for name, count in first_counts)
@@ -120,23 +120,23 @@ def _quantity(size: float, column: int) -> str:
     return f"{size:.3g} {unit}"
 
 
-def _expected(prepared: Prepared) -> Floats:
+def _predicted_ranges(prepared_case: PreparedCase) -> Floats:
     """Return the ranges and range rates (n_epoch, n_sat, 2) m and m/s by the solutions, without clocks."""
-    sky, signals = prepared.sky, prepared.signals
+    sky, signals = prepared_case.sky, prepared_case.signals
     relative_position = sky.r_i - signals.position[:, None, :]
     relative_velocity = sky.v_i - signals.velocity[:, None, :]
     line = sight(relative_position, relative_velocity)
     return np.stack([line.distance, line.rate], axis=2)
 
 
-def _near_solution(prepared: Prepared) -> Bools:
+def _near_solution(prepared_case: PreparedCase) -> Bools:
     """Return whether the epochs (n_epoch,) have a solution of the log."""
-    return np.asarray(prepared.signals.n_used > 0)
+    return np.asarray(prepared_case.signals.n_used > 0)
 
 
-def _residuals(difference: Floats, used: Bools) -> Floats:
+def _residuals(difference: Floats, is_compared: Bools) -> Floats:
     """Return differences (n_epoch, n_sat) minus the median of their epoch; NaN if unused or with too few satellites."""
-    is_used = used & np.isfinite(difference)
+    is_used = is_compared & np.isfinite(difference)
     residuals = np.where(is_used, difference, np.nan)
     n_residual = np.isfinite(residuals).sum(axis=1)
     is_enough = n_residual >= _FEWEST_RESIDUALS
@@ -149,15 +149,15 @@ def _residuals(difference: Floats, used: Bools) -> Floats:
 def _range_hint(residuals: Floats, rate: Floats) -> str:
     """Return a hint on the cause of range residuals: a time offset of the satellites if it explains them."""
     motion = _residuals(rate, np.isfinite(residuals))
-    both_known = np.isfinite(residuals) & np.isfinite(motion)
-    size = residuals[both_known]
-    slope = motion[both_known]
+    is_finite = np.isfinite(residuals) & np.isfinite(motion)
+    size = residuals[is_finite]
+    slope = motion[is_finite]
     # least squares of residual = time offset * rate
     sum_of_squares = max(np.sum(slope**2), 1e-9)
     offset = float(np.sum(size * slope) / sum_of_squares)
-    unexplained = np.median(np.abs(size - offset * slope))
+    remaining_residual = np.median(np.abs(size - offset * slope))
     typical_size = np.median(np.abs(size))
-    if unexplained <= _FITS * typical_size:
+    if remaining_residual <= _FITS * typical_size:
         direction = "later" if offset > 0.0 else "earlier"
         return (
             f"the satellites fit {abs(offset):.1f} s {direction}: is the epoch UTC, and do "
@@ -166,7 +166,7 @@ def _range_hint(residuals: Floats, rate: Floats) -> str:
     return "are the epoch, the constellation (of that day) and the unit right?"
 
 
-def _rate_hint(log: RecordedRanges, rate: Floats, used: Bools, typical: float) -> str:
+def _rate_hint(log: RecordedRanges, rate: Floats, is_compared: Bools, typical_residual: float) -> str:
     """Return a hint on an interpretation of the range-rate column that fits the solutions.
 
     Parameters
@@ -175,17 +175,17 @@ def _rate_hint(log: RecordedRanges, rate: Floats, used: Bools, typical: float) -
         Recorded ranges.
     rate
         (n_epoch, n_sat) m/s. Range rates by the solutions.
-    used
+    is_compared
         (n_epoch, n_sat). Whether the measurement is compared.
-    typical
+    typical_residual
         m/s. Median residual with the present interpretation.
     """
-    observed_rate = log.observed[:, :, 1]
-    correction = log.added[:, :, 1]
+    observed_rate = log.measured_ranges[:, :, 1]
+    correction = log.corrections[:, :, 1]
     for factor, hint in _READINGS:
         difference = factor * observed_rate + correction - rate
-        residuals = _residuals(difference, used)
+        residuals = _residuals(difference, is_compared)
         size = np.nanmedian(np.abs(residuals))
-        if size <= min(_CONTRADICTED[1], _FITS * typical):
+        if size <= min(_CONTRADICTED[1], _FITS * typical_residual):
             return hint
     return "are the epoch and the unit right?"

@@ -59,7 +59,7 @@ class Solutions(NamedTuple):
     file : Name of the file.
     t : (m,) s. Times of the file.
     place : (m, 3) rad, rad, m. Latitude, longitude, height.
-    moving : (m, 3) m/s. Velocity north, east, down.
+    velocity_ned : (m, 3) m/s. Velocity north, east, down.
     sigma : (m, 6) m, m/s. Sigmas of position and velocity; NaN without columns of it.
     lines : (m,). Lines of the file.
     zero : s. Time of the first row of the file.
@@ -69,26 +69,26 @@ class Solutions(NamedTuple):
     file: str
     t: Floats
     place: Floats
-    moving: Floats
+    velocity_ned: Floats
     sigma: Floats
     lines: tuple[str, ...]
     zero: float
     notes: tuple[str, ...] = ()
 
-    def only(self, used: Bools, note: str = "") -> "Solutions":
-        """Return the rows with `used` (m,), with a note on the others; InputError if too few remain."""
-        if used.all():
+    def select(self, is_used: Bools, note: str = "") -> "Solutions":
+        """Return the rows with `is_used` (m,), with a note on the others; InputError if too few remain."""
+        if is_used.all():
             return self
-        n_used = np.count_nonzero(used)
+        n_used = np.count_nonzero(is_used)
         if n_used < FEWEST:
             raise InputError(f"{self.file}: {note}; {n_used} are left, a log needs {FEWEST} or more")
         return Solutions(
             file=self.file,
-            t=self.t[used],
-            place=self.place[used],
-            moving=self.moving[used],
-            sigma=self.sigma[used],
-            lines=tuple(self.lines[row] for row in np.flatnonzero(used)),
+            t=self.t[is_used],
+            place=self.place[is_used],
+            velocity_ned=self.velocity_ned[is_used],
+            sigma=self.sigma[is_used],
+            lines=tuple(self.lines[row] for row in np.flatnonzero(is_used)),
             zero=self.zero,
             notes=(*self.notes, note),
         )
@@ -113,7 +113,7 @@ def read_solutions(card: ReceiverFile, folder: Path) -> Solutions:
         file=file,
         t=t,
         place=np.column_stack([np.radians(table[:, 1:3]), table[:, 3]]),
-        moving=table[:, 4:7],
+        velocity_ned=table[:, 4:7],
         sigma=table[:, 7:] if has_sigmas else np.full((t.size, 6), np.nan),
         lines=tuple(places),
         zero=float(t[0]),
@@ -122,7 +122,7 @@ def read_solutions(card: ReceiverFile, folder: Path) -> Solutions:
     solutions = _select_fixed(solutions)
     if has_sigmas:
         solutions = _check_sigmas(solutions, card.noise == "log")
-    return consistent(solutions)
+    return remove_outliers(solutions)
 
 
 def refuse_impossible(rows: Floats, file: str, places: list[str]) -> None:
@@ -144,39 +144,39 @@ def refuse_impossible(rows: Floats, file: str, places: list[str]) -> None:
 
 def _select_complete(solutions: Solutions) -> Solutions:
     """Return the solutions without an empty field of position or velocity."""
-    values = np.hstack([solutions.place, solutions.moving])
-    complete = np.asarray(np.isfinite(values).all(axis=1))
-    note = left_out(solutions, ~complete, "have an empty field")
-    return solutions.only(complete, note)
+    values = np.hstack([solutions.place, solutions.velocity_ned])
+    is_complete = np.asarray(np.isfinite(values).all(axis=1))
+    note = omission_note(solutions, ~is_complete, "have an empty field")
+    return solutions.select(is_complete, note)
 
 
 def _select_fixed(solutions: Solutions) -> Solutions:
     """Return the solutions that are not at latitude and longitude zero."""
     latitude_and_longitude = solutions.place[:, :2]
-    at_zero = np.asarray(np.all(latitude_and_longitude == 0.0, axis=1))
-    note = left_out(solutions, at_zero, "are at latitude and longitude zero, as of a receiver without a fix")
-    return solutions.only(np.logical_not(at_zero), note)
+    is_at_zero = np.asarray(np.all(latitude_and_longitude == 0.0, axis=1))
+    note = omission_note(solutions, is_at_zero, "are at latitude and longitude zero, as of a receiver without a fix")
+    return solutions.select(np.logical_not(is_at_zero), note)
 
 
-def left_out(solutions: Solutions, omitted: Bools, reason: str) -> str:
+def omission_note(solutions: Solutions, is_omitted: Bools, reason: str) -> str:
     """Return the note on omitted rows (m,)."""
-    lines = [solutions.lines[k] for k in np.flatnonzero(omitted)]
+    lines = [solutions.lines[k] for k in np.flatnonzero(is_omitted)]
     n_omitted = len(lines)
-    listed = ", ".join(lines[:_NAMED])
+    first_lines = ", ".join(lines[:_NAMED])
     if n_omitted > _NAMED:
-        listed += ", ..."
+        first_lines += ", ..."
     file = os.path.basename(solutions.file)
-    return f"{n_omitted} of {omitted.size} solutions {reason}: left out ({file}:{listed})"
+    return f"{n_omitted} of {is_omitted.size} solutions {reason}: left out ({file}:{first_lines})"
 
 
 def _check_sigmas(solutions: Solutions, sigmas_used: bool) -> Solutions:
     """Return the solutions with possible sigmas, or all of them if sigmas are not used."""
     if not sigmas_used:
-        below = (solutions.sigma <= 0.0).any(axis=1)
-        if not below.any():
+        has_no_sigma = (solutions.sigma <= 0.0).any(axis=1)
+        if not has_no_sigma.any():
             return solutions
-        n_below = np.count_nonzero(below)
-        note = f"sigmas of {n_below} of {below.size} solutions are not above zero; they are not used"
+        n_without_sigma = np.count_nonzero(has_no_sigma)
+        note = f"sigmas of {n_without_sigma} of {has_no_sigma.size} solutions are not above zero; they are not used"
         return solutions._replace(notes=(*solutions.notes, note))
     is_possible = (solutions.sigma >= _SMALLEST) & (solutions.sigma <= _LARGEST)
     wrong = ~is_possible
@@ -191,31 +191,31 @@ def _check_sigmas(solutions: Solutions, sigmas_used: bool) -> Solutions:
             f"{place}: {SIGMAS[column]} is {sigma:g}; a sigma is {limits} (gnss.noise: filter takes the noise of the "
             "filter's card)"
         )
-    note = left_out(solutions, wrong_rows, "have a sigma that is not above zero, or empty or too large")
-    return solutions.only(np.logical_not(wrong_rows), note)
+    note = omission_note(solutions, wrong_rows, "have a sigma that is not above zero, or empty or too large")
+    return solutions.select(np.logical_not(wrong_rows), note)
 
 
 # --- positions against velocities -------------------------------------------------------------------------------------
 
 
-def consistent(solutions: Solutions) -> Solutions:
+def remove_outliers(solutions: Solutions) -> Solutions:
     """Return the solutions without outliers; InputError if positions and velocities of the log are inconsistent."""
-    r_e, v_e = _earth_fixed(solutions.place, solutions.moving)
-    on_path, worst = _on_path(solutions.t, r_e, v_e)
-    omitted = np.logical_not(on_path)
-    n_omitted = np.count_nonzero(omitted)
-    if n_omitted <= max(1.0, MOST_WILD * omitted.size):
+    r_e, v_e = _earth_fixed(solutions.place, solutions.velocity_ned)
+    is_on_path, worst = _path_rows(solutions.t, r_e, v_e)
+    is_omitted = np.logical_not(is_on_path)
+    n_omitted = np.count_nonzero(is_omitted)
+    if n_omitted <= max(1.0, MOST_WILD * is_omitted.size):
         reason = f"contradict the positions and velocities of the rows around them, by up to {_length(worst)}"
-        note = left_out(solutions, omitted, reason)
-        solutions = solutions.only(on_path, note)
+        note = omission_note(solutions, is_omitted, reason)
+        solutions = solutions.select(is_on_path, note)
         _refuse_contradiction(solutions)
         return solutions
     _refuse_contradiction(solutions)
-    is_edge = on_path[1:] != on_path[:-1]
+    is_edge = is_on_path[1:] != is_on_path[:-1]
     k = int(np.argmax(is_edge)) + 1  # first row at which the consistent run begins or ends
     raise InputError(
         f"{solutions.file}:{solutions.lines[k]}: the position is not where the rows before and their velocities lead; "
-        f"{n_omitted} of {omitted.size} solutions so, by up to {_length(worst)}"
+        f"{n_omitted} of {is_omitted.size} solutions so, by up to {_length(worst)}"
     )
 
 
@@ -223,27 +223,27 @@ def _length(size: float) -> str:
     return f"{size * 1e-3:.4g} km" if size >= 1e3 else f"{size:.3g} m"
 
 
-def _earth_fixed(place: Floats, moving: Floats) -> tuple[Floats, Floats]:
+def _earth_fixed(place: Floats, velocity_ned: Floats) -> tuple[Floats, Floats]:
     latitude = place[:, 0]
     longitude = place[:, 1]
     C_e_n = rotation_e_n(latitude, longitude)
-    v_e = np.einsum("kji,kj->ki", C_e_n, moving)
+    v_e = np.einsum("kji,kj->ki", C_e_n, velocity_ned)
     r_e = ecef_from_geodetic(*place.T)
     return r_e, v_e
 
 
-def _on_path(t: Floats, r_e: Floats, v_e: Floats) -> tuple[Bools, float]:
+def _path_rows(t: Floats, r_e: Floats, v_e: Floats) -> tuple[Bools, float]:
     """Return which rows (m,) lie on the path through the longest run of consistent rows.
 
     The second result is the largest distance (m) of another row from that path.
     """
     dt = np.diff(t)
     mean_velocities = 0.5 * (v_e[1:] + v_e[:-1])
-    predicted = mean_velocities * dt[:, None]
+    predicted_displacements = mean_velocities * dt[:, None]
     displacements = np.diff(r_e, axis=0)
-    distances = np.linalg.norm(displacements - predicted, axis=1)
+    distances = np.linalg.norm(displacements - predicted_displacements, axis=1)
     typical_distance = float(np.median(distances))
-    allowed = max(_JUMP, _SCATTERS * typical_distance)
+    distance_limit = max(_JUMP, _SCATTERS * typical_distance)
 
     def excess(i: int, j: int) -> float:
         """Return the distance (m) of row j from the path from row i, less the allowed distance; negative: it fits."""
@@ -252,53 +252,53 @@ def _on_path(t: Floats, r_e: Floats, v_e: Floats) -> tuple[Bools, float]:
         predicted_displacement = mean_velocity * step
         displacement = r_e[j] - r_e[i]
         distance = float(np.linalg.norm(displacement - predicted_displacement))
-        unseen = _UNSEEN * step**2
-        return distance - allowed - unseen
+        unseen_distance = _UNSEEN * step**2
+        return distance - distance_limit - unseen_distance
 
     unseen_distances = _UNSEEN * dt**2
-    bad = distances > allowed + unseen_distances
+    bad = distances > distance_limit + unseen_distances
     later_edges = np.flatnonzero(bad) + 1
     edges = [0, *later_edges.tolist(), t.size]
     runs = [range(begin, end) for begin, end in pairwise(edges)]
     longest = max(range(len(runs)), key=lambda k: len(runs[k]))
     longest_run = runs[longest]
-    on_path = np.zeros(t.size, dtype=bool)
-    on_path[list(longest_run)] = True
+    is_on_path = np.zeros(t.size, dtype=bool)
+    is_on_path[list(longest_run)] = True
     worst = 0.0
     # runs after the longest in rising order, then runs before it in falling order: row next to the path, row at its end
     runs_after = runs[longest + 1 :]
     runs_before = reversed(runs[:longest])
-    after = [(run[0], run[-1], run) for run in runs_after]
-    before = [(run[-1], run[0], run) for run in runs_before]
-    for path_end, neighbours in ((longest_run[-1], after), (longest_run[0], before)):
+    later_runs = [(run[0], run[-1], run) for run in runs_after]
+    earlier_runs = [(run[-1], run[0], run) for run in runs_before]
+    for path_end, neighbours in ((longest_run[-1], later_runs), (longest_run[0], earlier_runs)):
         last = path_end
         for near, far, run in neighbours:
-            beyond = excess(last, near)
-            if beyond <= 0.0:
-                on_path[list(run)] = True
+            excess_distance = excess(last, near)
+            if excess_distance <= 0.0:
+                is_on_path[list(run)] = True
                 last = far
             else:
-                worst = max(worst, beyond + allowed)
-    return on_path, worst
+                worst = max(worst, excess_distance + distance_limit)
+    return is_on_path, worst
 
 
 _Change = Callable[[Floats, Floats], tuple[Floats, Floats]]
 
 
-def _scaled(factor: float) -> _Change:
+def _velocity_scaling(factor: float) -> _Change:
     return lambda place, moving: (place, moving * factor)
 
 
 _READINGS: tuple[tuple[str, _Change], ...] = (
     ("v_north_m_s and v_east_m_s exchanged", lambda p, v: (p, v[:, [1, 0, 2]])),
     ("v_down_m_s counted upwards", lambda p, v: (p, v * [1.0, 1.0, -1.0])),
-    ("velocities of the opposite sign", _scaled(-1.0)),
-    ("velocities in km/h", _scaled(1.0 / 3.6)),
-    ("velocities in knots", _scaled(1852.0 / 3600.0)),
-    ("velocities in ft/s", _scaled(0.3048)),
-    ("velocities in cm/s", _scaled(0.01)),
-    ("velocities in mm/s", _scaled(0.001)),
-    ("velocities in km/s", _scaled(1000.0)),
+    ("velocities of the opposite sign", _velocity_scaling(-1.0)),
+    ("velocities in km/h", _velocity_scaling(1.0 / 3.6)),
+    ("velocities in knots", _velocity_scaling(1852.0 / 3600.0)),
+    ("velocities in ft/s", _velocity_scaling(0.3048)),
+    ("velocities in cm/s", _velocity_scaling(0.01)),
+    ("velocities in mm/s", _velocity_scaling(0.001)),
+    ("velocities in km/s", _velocity_scaling(1000.0)),
     ("latitude_deg and longitude_deg exchanged", lambda p, v: (p[:, [1, 0, 2]], v)),
     ("longitude_deg counted to the west", lambda p, v: (p * [1.0, -1.0, 1.0], v)),
     ("latitude_deg and longitude_deg in rad", lambda p, v: (np.column_stack([np.degrees(p[:, :2]), p[:, 2]]), v)),
@@ -312,18 +312,18 @@ def _refuse_contradiction(solutions: Solutions) -> None:
 
     The message offers the interpretation of the columns, if any, with which they agree.
     """
-    misses = _path_misses(solutions.t, solutions.place, solutions.moving)
+    misses = _path_misses(solutions.t, solutions.place, solutions.velocity_ned)
     axis = int(np.argmax(misses)) if misses.size else 0
     if not misses.size or misses[axis] <= _MISSED:
         return
     fits = []
     for name, change in _READINGS:
-        place, moving = change(solutions.place, solutions.moving)
+        place, velocity_ned = change(solutions.place, solutions.velocity_ned)
         latitude = place[:, 0]
         if np.abs(latitude).max() <= 0.5 * np.pi:
-            changed = _path_misses(solutions.t, place, moving)
-            if changed.size and changed.max() <= _FITS:
-                largest_miss = float(changed.max())
+            candidate_misses = _path_misses(solutions.t, place, velocity_ned)
+            if candidate_misses.size and candidate_misses.max() <= _FITS:
+                largest_miss = float(candidate_misses.max())
                 fits.append((largest_miss, name))
     hint = f"with {min(fits)[1]} they fit: is that so?" if fits else "is a unit, an axis or a time wrong?"
     contradiction = "positions contradict the velocities"
@@ -333,7 +333,7 @@ def _refuse_contradiction(solutions: Solutions) -> None:
     raise InputError(f"{solutions.file}: {contradiction}: they miss the path by {percent:.0f} % of it; {hint}")
 
 
-def _path_misses(t: Floats, place: Floats, moving: Floats) -> Floats:
+def _path_misses(t: Floats, place: Floats, velocity_ned: Floats) -> Floats:
     """Return the difference of integrated velocities and positions over the path, as a median over windows.
 
     Parameters
@@ -342,7 +342,7 @@ def _path_misses(t: Floats, place: Floats, moving: Floats) -> Floats:
         (m,) s.
     place
         (m, 3) rad, rad, m. Latitude, longitude, height.
-    moving
+    velocity_ned
         (m, 3) m/s. Velocity, north, east and down.
 
     Returns
@@ -351,7 +351,7 @@ def _path_misses(t: Floats, place: Floats, moving: Floats) -> Floats:
         (4,). For the whole vector and for the axes north, east and down, 0 for an axis without motion. It is empty if
         the vehicle moves in too few windows.
     """
-    r_e, v_e = _earth_fixed(place, moving)
+    r_e, v_e = _earth_fixed(place, velocity_ned)
     dt = np.diff(t)
     mean_velocities = 0.5 * (v_e[1:] + v_e[:-1])
     steps = mean_velocities * dt[:, None]

@@ -7,7 +7,7 @@ import numpy as np
 from lvnav_trade.quantities.errors import InputError, Mistake
 from lvnav_trade.trajectory.ascent.dispersion_card import Dispersion
 from lvnav_trade.trajectory.ascent.legs import SimulatedAscent, TargetingUnknowns, fly_ascent, law_span
-from lvnav_trade.trajectory.ascent.targeting import left_in_orbit, require_possible, solve
+from lvnav_trade.trajectory.ascent.targeting import flight_propellant_left, require_possible, solve
 from lvnav_trade.trajectory.ascent.vehicle_cards import Boosters, Stage, VehicleAscent
 
 _EMPTY = 1e-6  # kg; less propellant counts as none
@@ -48,15 +48,15 @@ def fly_dispersed(
     InputError
         The dispersed vehicle is impossible, is empty too early, or falls to the ground.
     """
-    vehicle = dispersed(card, dispersion)
+    vehicle = disperse_vehicle(card, dispersion)
     require_possible(vehicle)
     span = law_span(card, aim)
-    aim = pitched(aim, dispersion.pitch_program)
+    aim = raise_pitch(aim, dispersion.pitch_program)
     last = len(card.vehicle.stages)
     burns_twice = card.parking is not None
     # With a parking orbit the last stage inserts by its second burn; an earlier stage inserts into the parking orbit.
-    if not burns_twice or card.inserting < last:
-        aim = _limit_burn(vehicle, aim, span, card.inserting, "burn")
+    if not burns_twice or card.insertion_stage < last:
+        aim = _limit_burn(vehicle, aim, span, card.insertion_stage, "burn")
     if burns_twice:
         aim = _limit_burn(vehicle, aim, span, last, "burn_2")
     flight = fly_ascent(vehicle, aim, span=span)
@@ -77,7 +77,7 @@ def _require_aloft(flight: SimulatedAscent) -> None:
             raise InputError(records=[Mistake(message, "trajectory.dispersion")])
 
 
-def dispersed(card: VehicleAscent, dispersion: Dispersion) -> VehicleAscent:
+def disperse_vehicle(card: VehicleAscent, dispersion: Dispersion) -> VehicleAscent:
     """Return a vehicle card with dispersed thrust, specific impulse and masses; InputError for faults."""
     vehicle, fairing = card.vehicle, card.vehicle.fairing
     if fairing is not None:
@@ -106,14 +106,14 @@ def _disperse_motor(motor: Stage | Boosters, dispersion: Dispersion) -> Stage | 
     return motor.model_copy(update=update)
 
 
-def pitched(aim: TargetingUnknowns, up: float) -> TargetingUnknowns:
-    """Return an aim with the pitch programme raised by an angle `up` (rad): less kick, and a law of more elevation."""
-    if up == 0.0:
+def raise_pitch(aim: TargetingUnknowns, angle: float) -> TargetingUnknowns:
+    """Return an aim with the pitch programme raised by an angle (rad): less kick, and a law of more elevation."""
+    if angle == 0.0:
         return aim
     return aim._replace(
-        kick=aim.kick - up,
-        tangent=math.tan(math.atan(aim.tangent) + up),
-        tangent_end=math.tan(math.atan(aim.tangent_end) + up),
+        kick=aim.kick - angle,
+        tangent=math.tan(math.atan(aim.tangent) + angle),
+        tangent_end=math.tan(math.atan(aim.tangent_end) + angle),
     )
 
 
@@ -142,12 +142,12 @@ def _limit_burn(card: VehicleAscent, aim: TargetingUnknowns, span: float, number
     flow = stage.full_thrust / stage.exhaust_speed
     for _ in range(_DEPLETION):
         flight = fly_ascent(card, aim, final_coast=False, span=span)
-        remaining = left_in_orbit(card, flight, number)
+        remaining = flight_propellant_left(card, flight, number)
         if remaining >= -_EMPTY:
             return aim
-        shorter = getattr(aim, burn) + remaining / flow
-        if shorter <= 0.0:
+        limited_time = getattr(aim, burn) + remaining / flow
+        if limited_time <= 0.0:
             break
-        aim = aim._replace(**{burn: shorter})
+        aim = aim._replace(**{burn: limited_time})
     message = f"stage {stage.name!r} of the dispersed vehicle is empty before it lights"
     raise InputError(records=[Mistake(message, "trajectory.dispersion")])

@@ -81,7 +81,7 @@ class Dispersion(units.Card):
     )
 
     def _faults(self) -> Iterator[str]:
-        if not self.is_common and not self.sigmas and not self.drawn:
+        if not self.is_common and not self.sigmas and not self.drawn_sources:
             yield (
                 "changes nothing: give thrust, specific_impulse, mass or pitch_program, with guidance sigmas or draw, "
                 "or leave it out"
@@ -96,7 +96,7 @@ class Dispersion(units.Card):
         return (self.thrust, self.specific_impulse, self.mass, self.pitch_program) != (1.0, 1.0, 1.0, 0.0)
 
     @property
-    def drawn(self) -> tuple[SourceName, ...]:
+    def drawn_sources(self) -> tuple[SourceName, ...]:
         """Names of the spreads that are drawn in every run; `all`: all spreads of the vehicle above zero."""
         if self.draw == "all":
             return SOURCES
@@ -104,10 +104,10 @@ class Dispersion(units.Card):
 
     def misfits(self, spreads: DispersionsCard | None) -> Iterator[str]:
         """Yield the input errors of settings that need a spread of the vehicle that is missing."""
-        named = {*self.sigmas, *(self.draw if isinstance(self.draw, tuple) else ())}
-        if spreads is None and (named or self.drawn):
+        named_sources = {*self.sigmas, *(self.draw if isinstance(self.draw, tuple) else ())}
+        if spreads is None and (named_sources or self.drawn_sources):
             yield "dispersion draws from vehicle.dispersions, which the vehicle does not have; give them"
             return
         for name in SOURCES:
-            if name in named and getattr(spreads, name) == 0.0:
+            if name in named_sources and getattr(spreads, name) == 0.0:
                 yield f"dispersion names {name}, whose spread in vehicle.dispersions is zero"

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from lvnav_trade.kernels.earth import ECCENTRICITY_2, OMEGA, SEMI_MAJOR, gravity_j4
-from lvnav_trade.kernels.jit import jit, making_arrays
+from lvnav_trade.kernels.jit import array_jit, jit
 from lvnav_trade.kernels.media.atmosphere import atmosphere
 from lvnav_trade.quantities.records import Floats
 from lvnav_trade.trajectory.ascent.steering_law import Steering, direction
@@ -14,13 +14,13 @@ from lvnav_trade.trajectory.ascent.steering_law import Steering, direction
 Rates = tuple[float, float, float, float, float, float, float]
 
 
-class Unthrottled(NamedTuple):
+class UnthrottledMotors(NamedTuple):
     """Total of the burning motors that cannot be throttled: thrust and mass flow linear in time.
 
-    At time `since` (s): vacuum thrust (N) and mass flow (kg/s), and their slopes (N/s, kg/s^2); exit area (m^2).
+    Vacuum thrust (N) and mass flow (kg/s) at `reference_time` (s), their slopes (N/s, kg/s^2), and the exit area (m^2).
     """
 
-    since: float
+    reference_time: float
     thrust: float
     thrust_slope: float
     mass_flow: float
@@ -28,8 +28,8 @@ class Unthrottled(NamedTuple):
     exit_area: float
 
 
-NOTHING = Unthrottled(
-    since=0.0,
+NOTHING = UnthrottledMotors(
+    reference_time=0.0,
     thrust=0.0,
     thrust_slope=0.0,
     mass_flow=0.0,
@@ -49,7 +49,7 @@ class Propulsion(NamedTuple):
     mass_flow: float
     exit_area: float
     max_load: float
-    unthrottled: Unthrottled = NOTHING
+    unthrottled_motors: UnthrottledMotors = NOTHING
 
 
 class Drag(NamedTuple):
@@ -76,7 +76,7 @@ def height_above(x: float, y: float, z: float) -> float:
 
 
 @jit
-def thrust_of(mass: float, pressure: float, engine: Propulsion, other_thrust: float = 0.0) -> tuple[float, float]:
+def engine_thrust(mass: float, pressure: float, engine: Propulsion, other_thrust: float = 0.0) -> tuple[float, float]:
     """Return thrust and throttle of the engine that can be throttled.
 
     The limit, less the thrust of other motors, is a smooth minimum over 2 % of it: the load bends within a second or so
@@ -117,7 +117,7 @@ def thrust_of(mass: float, pressure: float, engine: Propulsion, other_thrust: fl
 
 
 @jit
-def unthrottled_thrust(t: float, pressure: float, motors: Unthrottled) -> tuple[float, float]:
+def unthrottled_thrust(t: float, pressure: float, motors: UnthrottledMotors) -> tuple[float, float]:
     """Return thrust and mass flow of motors that cannot be throttled.
 
     Parameters
@@ -126,7 +126,7 @@ def unthrottled_thrust(t: float, pressure: float, motors: Unthrottled) -> tuple[
         Time since lift-off (s).
     pressure : float
         Ambient pressure (Pa).
-    motors : Unthrottled
+    motors : UnthrottledMotors
         Total of the motors.
 
     Returns
@@ -136,7 +136,7 @@ def unthrottled_thrust(t: float, pressure: float, motors: Unthrottled) -> tuple[
     """
     if motors.thrust == 0.0:
         return 0.0, 0.0
-    span = t - motors.since
+    span = t - motors.reference_time
     vacuum_thrust = motors.thrust + motors.thrust_slope * span
     thrust = vacuum_thrust - pressure * motors.exit_area
     mass_flow = motors.mass_flow + motors.flow_slope * span
@@ -144,7 +144,7 @@ def unthrottled_thrust(t: float, pressure: float, motors: Unthrottled) -> tuple[
 
 
 @jit
-def coefficient_at(mach: float, drag: Drag) -> float:
+def interpolate_drag(mach: float, drag: Drag) -> float:
     """Return the drag coefficient at a Mach number, as `np.interp`, which takes 3 s to compile."""
     last = drag.mach.size - 1
     if mach >= drag.mach[last]:
@@ -184,7 +184,7 @@ def drag_factor(r: tuple[float, float, float], w: tuple[float, float, float], dr
     square_speed = w[0] * w[0] + w[1] * w[1] + w[2] * w[2]
     speed = math.sqrt(square_speed)
     mach = speed / sound
-    coefficient = coefficient_at(mach, drag)
+    coefficient = interpolate_drag(mach, drag)
     drag_per_speed = 0.5 * density * speed * coefficient * drag.area
     return drag_per_speed, pressure
 
@@ -222,8 +222,8 @@ def rates(t: float, y: Floats, steering: Steering, engine: Propulsion, drag: Dra
         v[2],
     )
     drag_per_speed, pressure = drag_factor(r, airspeed, drag)
-    motor_thrust, motor_flow = unthrottled_thrust(t, pressure, engine.unthrottled)
-    thrust, throttle = thrust_of(mass, pressure, engine, motor_thrust)
+    motor_thrust, motor_flow = unthrottled_thrust(t, pressure, engine.unthrottled_motors)
+    thrust, throttle = engine_thrust(mass, pressure, engine, motor_thrust)
     thrust += motor_thrust
     u = direction(t, r, v, steering)
     gravity = gravity_j4(r[0], r[1], r[2])
@@ -238,8 +238,8 @@ def rates(t: float, y: Floats, steering: Steering, engine: Propulsion, drag: Dra
     )
 
 
-@making_arrays
-def _along(y: Floats, h: float, k: Rates) -> Floats:
+@array_jit
+def _euler_step(y: Floats, h: float, k: Rates) -> Floats:
     """Return y + h k (7,). Loops over scalars here: array expressions compile for seconds."""
     out = np.empty(7)
     for i in range(7):
@@ -247,7 +247,7 @@ def _along(y: Floats, h: float, k: Rates) -> Floats:
     return out
 
 
-@making_arrays
+@array_jit
 def step(t: float, h: float, y: Floats, steering: Steering, engine: Propulsion, drag: Drag) -> Floats:
     """Return the state after a classical Runge-Kutta step of fourth order.
 
@@ -269,11 +269,11 @@ def step(t: float, h: float, y: Floats, steering: Steering, engine: Propulsion, 
     mid_t = t + half
     end_t = t + h
     k1 = rates(t, y, steering, engine, drag)
-    y2 = _along(y, half, k1)
+    y2 = _euler_step(y, half, k1)
     k2 = rates(mid_t, y2, steering, engine, drag)
-    y3 = _along(y, half, k2)
+    y3 = _euler_step(y, half, k2)
     k3 = rates(mid_t, y3, steering, engine, drag)
-    y4 = _along(y, h, k3)
+    y4 = _euler_step(y, h, k3)
     k4 = rates(end_t, y4, steering, engine, drag)
     out = np.empty(7)
     for i in range(7):
@@ -282,7 +282,7 @@ def step(t: float, h: float, y: Floats, steering: Steering, engine: Propulsion, 
     return out
 
 
-@making_arrays
+@array_jit
 def fly(
     t0: float, duration: float, n_step: int, y0: Floats, steering: Steering, engine: Propulsion, drag: Drag
 ) -> tuple[Floats, Floats]:
@@ -321,7 +321,7 @@ def fly(
     return t, y
 
 
-@making_arrays
+@array_jit
 def time_to_mass(
     t0: float, mass: float, h: float, y0: Floats, steering: Steering, engine: Propulsion, drag: Drag
 ) -> float:
@@ -342,18 +342,18 @@ def time_to_mass(
     """
     t, y = t0, y0
     while y[6] > mass:
-        before = y
+        previous_y = y
         y = step(t, h, y, steering, engine, drag)
         t += h
     t -= h
     last_step = h
     for _ in range(4):  # secant on the last step, where the flow hardly changes
-        last_step *= (before[6] - mass) / (before[6] - y[6])
-        y = step(t, last_step, before, steering, engine, drag)
+        last_step *= (previous_y[6] - mass) / (previous_y[6] - y[6])
+        y = step(t, last_step, previous_y, steering, engine, drag)
     return t + last_step - t0
 
 
-@making_arrays
+@array_jit
 def accelerations(t: Floats, y: Floats, steering: Steering, engine: Propulsion, drag: Drag) -> Floats:
     """Return the inertial acceleration at states of a leg.
 

@@ -11,7 +11,7 @@ from lvnav_trade.trajectory.ascent.legs import site_axes
 from lvnav_trade.trajectory.ascent.vehicle_cards import Site
 
 
-def on_circle(site: Site, azimuth: float, psi: Floats, height: Floats) -> tuple[Floats, Floats, Floats]:
+def circle_coordinates(site: Site, azimuth: float, psi: Floats, height: Floats) -> tuple[Floats, Floats, Floats]:
     """Return latitude and longitude (n,) rad along the circle, and its derivatives north and east (n, 2) m/rad.
 
     psi : (n,) rad. Angles from the site.

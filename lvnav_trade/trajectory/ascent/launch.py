@@ -12,9 +12,9 @@ from lvnav_trade.trajectory.ascent.equations_of_motion import accelerations
 from lvnav_trade.trajectory.ascent.legs import AscentLeg, SimulatedAscent, TargetingUnknowns, pad_state, site_axes
 from lvnav_trade.trajectory.ascent.record import differences
 from lvnav_trade.trajectory.ascent.steering_law import ascent_attitude, directions
-from lvnav_trade.trajectory.ascent.targeting import left_in_orbit
+from lvnav_trade.trajectory.ascent.targeting import flight_propellant_left
 from lvnav_trade.trajectory.ascent.vehicle_cards import STANDARD_GRAVITY, Site, VehicleAscent
-from lvnav_trade.trajectory.truth import Phase, Trajectory, join_samples, pad_phase, splined
+from lvnav_trade.trajectory.truth import Phase, Trajectory, join_samples, pad_phase, spline_phase
 
 
 def build_ascent(card: VehicleAscent) -> Trajectory:
@@ -26,7 +26,7 @@ def build_ascent(card: VehicleAscent) -> Trajectory:
     phases = []
     for leg in flight.legs:
         end_accelerations = _accelerations(flight, leg, ends)
-        phases.append(splined(leg.name, leg.t, leg.y[:, :3], leg.y[ends, 3:6], end_accelerations, attitude))
+        phases.append(spline_phase(leg.name, leg.t, leg.y[:, :3], leg.y[ends, 3:6], end_accelerations, attitude))
     pad = site_phase(card.site, theta0, card.pad_hold, attitude)
     max_q_time, max_q = _max_q(flight)
     trajectory = Trajectory(
@@ -42,7 +42,7 @@ def build_ascent(card: VehicleAscent) -> Trajectory:
 
 
 def site_phase(
-    site: Site, theta0: float, hold: float, attitude: BSpline, spin: PPoly | None = None
+    site: Site, theta0: float, hold: float, attitude: BSpline, roll_angle: PPoly | None = None
 ) -> tuple[Phase, ...]:
     """Return the phase at rest on the pad before lift-off, in a tuple; an empty tuple without a hold.
 
@@ -54,12 +54,12 @@ def site_phase(
         Earth angle at lift-off (rad).
     hold : float
         Duration of the phase (s).
-    attitude, spin
+    attitude, roll_angle
         As in `Phase`.
     """
     r_i, _ = pad_state(site, theta0)
     r_e = frames.ecef_from_eci(r_i, theta0)
-    return pad_phase(r_e, theta0, 0.0, hold, attitude, spin)
+    return pad_phase(r_e, theta0, 0.0, hold, attitude, roll_angle)
 
 
 def pad_knots(hold: float, step: float) -> Floats:
@@ -112,15 +112,15 @@ def _max_q(flight: SimulatedAscent) -> tuple[float, float]:
     q = pressures[highest]
     largest_sample = np.argmax(q)
     k = int(np.clip(largest_sample, 1, q.size - 2))
-    before, top, after = q[k - 1], q[k], q[k + 1]
-    curvature = before - 2.0 * top + after
+    previous_q, largest_q, next_q = q[k - 1], q[k], q[k + 1]
+    curvature = previous_q - 2.0 * largest_q + next_q
     shift = 0.0  # of the vertex from the top sample, in intervals
     if curvature < 0.0:
-        vertex = 0.5 * (before - after) / curvature
+        vertex = 0.5 * (previous_q - next_q) / curvature
         shift = float(np.clip(vertex, -1.0, 1.0))
     interval = leg.t[1] - leg.t[0]
     time = float(leg.t[k] + shift * interval)
-    return time, float(top)
+    return time, float(largest_q)
 
 
 def _dynamic_pressure(leg: AscentLeg, theta0: float) -> Floats:
@@ -148,16 +148,16 @@ def _facts(
     load = np.linalg.norm(acceleration - gravity_along(position), axis=1)
     return {
         "vehicle": card.vehicle.name,
-        **achieved(flight.legs[-1].y[0]),
+        **achieved_orbit(flight.legs[-1].y[0]),
         "azimuth_rad": aim.azimuth,
         "kick_rad": aim.kick,
         "max_load_g": float(np.max(load)) / STANDARD_GRAVITY,
         "max_dynamic_pressure_pa": max_q,
-        "propellant_left_kg": left_in_orbit(card, flight, len(card.vehicle.stages)),
+        "propellant_left_kg": flight_propellant_left(card, flight, len(card.vehicle.stages)),
     }
 
 
-def achieved(y: Floats) -> dict[str, float]:
+def achieved_orbit(y: Floats) -> dict[str, float]:
     """Return perigee and apogee altitude (m) and inclination (rad) of the orbit of a state y (6 or more)."""
     orbit = frames.elements_from_state(y[:3], y[3:6])
     a, e = float(orbit.semi_major_axis), float(orbit.eccentricity)

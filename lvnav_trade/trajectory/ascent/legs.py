@@ -97,7 +97,7 @@ def law_span(card: VehicleAscent, aim: TargetingUnknowns) -> float:
 
     It only scales the law.
     """
-    stages = card.vehicle.stages[card.steered_from - 1 : card.inserting]
+    stages = card.vehicle.stages[card.steered_from - 1 : card.insertion_stage]
     lower_stages = stages[:-1]
     span = sum((stage.full_burn + stage.separation_delay for stage in lower_stages), start=aim.burn)
     span += sum(stage.ignition_delay for stage in stages)
@@ -165,18 +165,18 @@ class Pilot:
         along = np.cross(unit(r), normal)
         steering.normal_i[k] = math.cos(yaw) * normal - math.sin(yaw) * along
 
-    def burn(self, number: int, duration: float | None, again: bool = False) -> None:
+    def burn(self, number: int, duration: float | None, is_second: bool = False) -> None:
         """Burn a stage, from cut to cut.
 
         number : number of the stage, from 1
         duration : s. None: until the propellant is depleted.
-        again : whether this is a second burn, which has no cuts
+        is_second : whether this is a second burn, which has no cuts
         """
         vehicle = self.card.vehicle
         stage = vehicle.stages[number - 1]
-        mark = "_2" if again else ""
+        mark = "_2" if is_second else ""
         ignition = self.t
-        elapsed = 0.0
+        time_from_ignition = 0.0
         self.events[f"stage{number}_ignition{mark}"] = ignition
         empty_mass = self.y[6] - stage.propellant
         empty_mass -= sum(group.number * group.propellant for group in vehicle.boosters if number == 1)
@@ -185,11 +185,11 @@ class Pilot:
             duration = stage.full_burn
         name = f"stage {number} burn{mark.replace('_', ' ')}"
         end = math.inf if duration is None else ignition + duration
-        burn_points = [] if again else cuts(vehicle, number)
+        burn_points = [] if is_second else cuts(vehicle, number)
         for cut in burn_points:
-            if ignition + cut.after >= end:
+            if ignition + cut.time_from_ignition >= end:
                 break
-            duration_to_cut = cut.after - elapsed
+            duration_to_cut = cut.time_from_ignition - time_from_ignition
             if duration_to_cut > _SLIVER:
                 leg_end = self.t + duration_to_cut
                 push = engine(vehicle, number, ignition, self.t, leg_end)
@@ -197,9 +197,9 @@ class Pilot:
                 self.leg(leg_name, duration_to_cut, push)
             if cut.event:
                 self.events[cut.event] = self.t
-            self.y[6] -= cut.drop
-            empty_mass -= cut.drop
-            elapsed = cut.after
+            self.y[6] -= cut.dropped_mass
+            empty_mass -= cut.dropped_mass
+            time_from_ignition = cut.time_from_ignition
         push = engine(vehicle, number, ignition, self.t, end)
         if duration is None:
             time_to_depletion = time_to_mass(self.t, empty_mass, STEP, self.y, self.steering, push, self.drag)
@@ -234,9 +234,9 @@ class Pilot:
         stage = self.card.vehicle.stages[number - 1]
         self.leg(f"coast before stage {number}", stage.ignition_delay)
 
-    def into_orbit(self) -> None:
+    def simulate_insertion(self) -> None:
         """Simulate the stage that is cut off in orbit, and the last burn if that orbit is a parking orbit."""
-        number, last = self.card.inserting, len(self.card.vehicle.stages)
+        number, last = self.card.insertion_stage, len(self.card.vehicle.stages)
         self.ignite_after(number)
         self.burn(number, self.aim.burn)
         if self.card.parking is None or self.aim.burn_2 <= 0.0:
@@ -248,7 +248,7 @@ class Pilot:
             self.y[6] = mass_above(self.card, number)
             coast -= self.card.vehicle.stages[number - 1].separation_delay
         self.leg("parking coast", coast)
-        self.burn(last, self.aim.burn_2, again=number == last)
+        self.burn(last, self.aim.burn_2, is_second=number == last)
 
 
 def fly_ascent(
@@ -269,9 +269,9 @@ def fly_ascent(
         Time scale of the steering law (s), if the law is that of another vehicle.
     """
     pilot = Pilot(card, aim, span)
-    for number in range(1, card.inserting):
+    for number in range(1, card.insertion_stage):
         pilot.stage(number)
-    pilot.into_orbit()
+    pilot.simulate_insertion()
     pilot.events["injection"] = pilot.t
     pilot.events.pop("stage1_ignition")  # it is the lift-off
     if final_coast:

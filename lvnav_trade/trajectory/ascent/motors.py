@@ -5,17 +5,22 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lvnav_trade.trajectory.ascent.equations_of_motion import NOTHING, Propulsion, Unthrottled
+from lvnav_trade.trajectory.ascent.equations_of_motion import NOTHING, Propulsion, UnthrottledMotors
 from lvnav_trade.trajectory.ascent.vehicle_cards import Boosters, Motor, Stage, VehicleCard
 
 _Burning = tuple[Motor, int, float]  # motor, number of motors, time of ignition
 
 
 class BurnPoint(NamedTuple):
-    """A point in the burn of a stage, `after` s from ignition: mass (kg) dropped there, and name of the event."""
+    """A point in the burn of a stage.
 
-    after: float
-    drop: float = 0.0
+    time_from_ignition : s. Time from the ignition of the stage.
+    dropped_mass : kg. Mass that is dropped at this point.
+    event : Name of the event; empty for none.
+    """
+
+    time_from_ignition: float
+    dropped_mass: float = 0.0
     event: str = ""
 
 
@@ -23,20 +28,20 @@ def cuts(vehicle: VehicleCard, number: int) -> list[BurnPoint]:
     """Return, in order, the points of the first burn of a stage at which thrust jumps or bends, or mass is dropped."""
     stage = vehicle.stages[number - 1]
     fairing = vehicle.fairing
-    points = [BurnPoint(after) for after in _bends(stage)]
+    points = [BurnPoint(bend_time) for bend_time in _bends(stage)]
     if fairing is not None and fairing.stage == number:
         points.append(BurnPoint(fairing.after_ignition, fairing.mass, "fairing_separation"))
     boosters = vehicle.boosters if number == 1 else ()
     for group in boosters:
         ignition = group.ignition
         burn_end = ignition + group.full_burn
-        dropped = group.number * group.dry
-        points += [BurnPoint(ignition + after) for after in _bends(group)]
+        dropped_mass = group.number * group.dry
+        points += [BurnPoint(ignition + bend_time) for bend_time in _bends(group)]
         if ignition > 0.0:
             points.append(BurnPoint(ignition, event=f"{group.name}_ignition"))
         points.append(BurnPoint(burn_end, event=f"{group.name}_cutoff"))
-        points.append(BurnPoint(group.gone, dropped, f"{group.name}_separation"))
-    return sorted(points, key=lambda cut: cut.after)
+        points.append(BurnPoint(group.separation_time, dropped_mass, f"{group.name}_separation"))
+    return sorted(points, key=lambda cut: cut.time_from_ignition)
 
 
 def engine(vehicle: VehicleCard, number: int, ignition: float, begin: float, end: float) -> Propulsion:
@@ -48,19 +53,19 @@ def engine(vehicle: VehicleCard, number: int, ignition: float, begin: float, end
     """
     stage = vehicle.stages[number - 1]
     middle = 0.5 * (begin + end)
-    burning: list[_Burning] = []
+    burning_motors: list[_Burning] = []
     for group in vehicle.boosters if number == 1 else ():
         burn_end = group.ignition + group.full_burn
         if group.ignition < middle < burn_end:
-            burning.append((group, group.number, group.ignition))
+            burning_motors.append((group, group.number, group.ignition))
     if stage.profile is not None:
-        motors = _total_thrust([(stage, 1, ignition), *burning], begin, end)
+        motors = _total_thrust([(stage, 1, ignition), *burning_motors], begin, end)
         return Propulsion(
             thrust=0.0,
             mass_flow=0.0,
             exit_area=0.0,
             max_load=math.inf,
-            unthrottled=motors,
+            unthrottled_motors=motors,
         )
     limit = math.inf if stage.thrust is None or vehicle.max_load is None else vehicle.max_load
     return Propulsion(
@@ -68,7 +73,7 @@ def engine(vehicle: VehicleCard, number: int, ignition: float, begin: float, end
         mass_flow=stage.full_thrust / stage.exhaust_speed,
         exit_area=stage.exit_area,
         max_load=limit,
-        unthrottled=_total_thrust(burning, begin, end) if burning else NOTHING,
+        unthrottled_motors=_total_thrust(burning_motors, begin, end) if burning_motors else NOTHING,
     )
 
 
@@ -84,14 +89,14 @@ def impulse_speed(vehicle: VehicleCard, payload: float) -> float:
         if vehicle.fairing is not None and vehicle.fairing.stage == number:
             mass += vehicle.fairing.mass
         boosters = vehicle.boosters if number == 1 else ()
-        booster_time = max((group.gone for group in boosters), default=0.0)
+        booster_time = max((group.separation_time for group in boosters), default=0.0)
         joint_propellant = stage.propellant * booster_time / stage.full_burn
-        alone = stage.propellant - joint_propellant
+        solo_propellant = stage.propellant - joint_propellant
         empty_mass = mass + stage.dry
-        gain += stage.exhaust_speed * math.log1p(alone / empty_mass)
+        gain += stage.exhaust_speed * math.log1p(solo_propellant / empty_mass)
         if boosters:
-            stage_propellant = stage.propellant - alone
-            final_mass = empty_mass + alone
+            stage_propellant = stage.propellant - solo_propellant
+            final_mass = empty_mass + solo_propellant
             gain += _joint_gain(boosters, stage, stage_propellant, final_mass)
         mass += stage.dry + stage.propellant
     return gain
@@ -120,8 +125,8 @@ def _bends(motor: Motor) -> list[float]:
     return [share * motor.full_burn for share in motor.profile.part[1:]]
 
 
-def _thrust_at(motor: Motor, after: float) -> float:
-    """Return the vacuum thrust (N) of a motor `after` s from ignition; constant after its burn time.
+def _thrust_at(motor: Motor, time_from_ignition: float) -> float:
+    """Return the vacuum thrust (N) of a motor `time_from_ignition` s from ignition; constant after its burn time.
 
     The profile is linear between its points, and is scaled to the mean thrust of the motor.
     """
@@ -131,7 +136,7 @@ def _thrust_at(motor: Motor, after: float) -> float:
     level = motor.profile.thrust
     intervals = range(len(share) - 1)
     mean = sum(0.5 * (level[k] + level[k + 1]) * (share[k + 1] - share[k]) for k in intervals)
-    x = min(max(after / motor.full_burn, 0.0), 1.0)
+    x = min(max(time_from_ignition / motor.full_burn, 0.0), 1.0)
     k = next(k for k in intervals if x <= share[k + 1])
     rise = level[k + 1] - level[k]
     width = share[k + 1] - share[k]
@@ -140,7 +145,7 @@ def _thrust_at(motor: Motor, after: float) -> float:
     return motor.full_thrust * level_x / mean
 
 
-def _total_thrust(burning: list[_Burning], begin: float, end: float) -> Unthrottled:
+def _total_thrust(burning: list[_Burning], begin: float, end: float) -> UnthrottledMotors:
     """Return the total of motors over an interval in which the thrust of each is linear.
 
     burning : motors, each with its number and its ignition (s since lift-off)
@@ -161,4 +166,4 @@ def _total_thrust(burning: list[_Burning], begin: float, end: float) -> Unthrott
             slope / exhaust,
             number * motor.exit_area,
         ]
-    return Unthrottled(begin, *total.tolist())
+    return UnthrottledMotors(begin, *total.tolist())

@@ -97,7 +97,9 @@ def peaks(flight: Trajectory) -> tuple[Peak, ...]:
     return tuple(largest)
 
 
-def within_limits(flight: Trajectory, card: FileFlightCard, file: str, further: tuple[Peak, ...] = ()) -> Trajectory:
+def add_limit_remarks(
+    flight: Trajectory, card: FileFlightCard, file: str, further_peaks: tuple[Peak, ...] = ()
+) -> Trajectory:
     """Return a trajectory with remarks on values beyond the default limits.
 
     Parameters
@@ -108,7 +110,7 @@ def within_limits(flight: Trajectory, card: FileFlightCard, file: str, further: 
         Card with the limits.
     file : str
         Name of the file, for messages.
-    further : tuple of Peak
+    further_peaks : tuple of Peak
         Peaks in addition to those of `peaks`.
 
     Raises
@@ -116,8 +118,8 @@ def within_limits(flight: Trajectory, card: FileFlightCard, file: str, further: 
     InputError
         Quantities exceed the limits of the card. The message has value, time and limit of each, at its field.
     """
-    largest = [*further, *peaks(flight)]
-    causes = [remark.text for remark in flight.remarks if remark.kind == WARNING]
+    largest = [*further_peaks, *peaks(flight)]
+    causes = [remark.text for remark in flight.remarks if remark.category == WARNING]
     mistakes = []
     for peak in largest:
         if peak.size > getattr(card, peak.field):
@@ -125,12 +127,12 @@ def within_limits(flight: Trajectory, card: FileFlightCard, file: str, further: 
             mistakes.append(Mistake(message, f"trajectory.{peak.field}"))
     if mistakes:
         raise InputError(records=mistakes)
-    beyond = []
+    excess_texts = []
     for peak in largest:
         default = _default_limit(card, peak.field)
         if peak.size > default:
-            beyond.append(f"{_peak_text(peak)} (usually at most {_size_text(peak.field, default)})")
-    return flight.remarked(BEYOND, [", ".join(beyond)] if beyond else [])
+            excess_texts.append(f"{_peak_text(peak)} (usually at most {_size_text(peak.field, default)})")
+    return flight.add_remarks(BEYOND, [", ".join(excess_texts)] if excess_texts else [])
 
 
 def _default_limit(card: FileFlightCard, field: str) -> float:
@@ -144,10 +146,10 @@ def _size_text(field: str, size: float) -> str:
 
 
 def _peak_text(peak: Peak) -> str:
-    when = "with the worst row at" if peak.field == "highest_misfit" else "at"
+    time_prefix = "with the worst row at" if peak.field == "highest_misfit" else "at"
     quantity = _LIMITS[peak.field].quantity
     size = _size_text(peak.field, peak.size)
-    return f"{quantity} of {size} {when} {peak.time:.6g} s"
+    return f"{quantity} of {size} {time_prefix} {peak.time:.6g} s"
 
 
 def _refusal(card: FileFlightCard, file: str, peak: Peak, causes: list[str]) -> str:
@@ -155,10 +157,10 @@ def _refusal(card: FileFlightCard, file: str, peak: Peak, causes: list[str]) -> 
 
     causes : texts of the warnings about the file, which may explain the peak
     """
-    allowed = getattr(card, peak.field)
-    word = "usual" if allowed == _default_limit(card, peak.field) else "allowed"
+    limit = getattr(card, peak.field)
+    word = "usual" if limit == _default_limit(card, peak.field) else "allowed"
     hints = "; ".join([_LIMITS[peak.field].cause, *causes])
     return (
-        f"{file}: {_peak_text(peak)}; at most {_size_text(peak.field, allowed)} is {word}: {hints}; if it is true, "
+        f"{file}: {_peak_text(peak)}; at most {_size_text(peak.field, limit)} is {word}: {hints}; if it is true, "
         f"raise {peak.field}"
     )

@@ -26,15 +26,15 @@ from lvnav_trade.quantities.units import (
     TimeConstant,
 )
 from lvnav_trade.trajectory.ascent.equations_of_motion import Drag, accelerations, fly
-from lvnav_trade.trajectory.ascent.great_circle import on_circle
-from lvnav_trade.trajectory.ascent.launch import achieved, pad_knots, site_phase
+from lvnav_trade.trajectory.ascent.great_circle import circle_coordinates
+from lvnav_trade.trajectory.ascent.launch import achieved_orbit, pad_knots, site_phase
 from lvnav_trade.trajectory.ascent.legs import COASTING, site_axes
-from lvnav_trade.trajectory.ascent.plausibility import FileFlightCard, Peak, within_limits
+from lvnav_trade.trajectory.ascent.plausibility import FileFlightCard, Peak, add_limit_remarks
 from lvnav_trade.trajectory.ascent.record import (
     LONGEST_HOLE,
     AscentRecord,
     Climb,
-    force_along,
+    path_force,
     read,
     residual_facts,
     smooth,
@@ -47,7 +47,7 @@ from lvnav_trade.trajectory.ascent.steering_law import (
     thrust_directions,
 )
 from lvnav_trade.trajectory.ascent.vehicle_cards import STANDARD_GRAVITY, Roll, Site
-from lvnav_trade.trajectory.discontinuities import bridged, described, missing_events
+from lvnav_trade.trajectory.discontinuities import bridged_gaps, gap_remarks, missing_events
 from lvnav_trade.trajectory.disturbances import OscillationCard
 from lvnav_trade.trajectory.truth import NOTE, WARNING, Phase, Trajectory, join_samples, motion, position_spline
 
@@ -150,7 +150,7 @@ def _range_angle(site: Site, azimuth: float, t: Floats, climb: Climb, inside: Fl
     height = site.height + climb.altitude(inside)
     psi = np.full_like(t, first)
     for _ in range(4):
-        _, _, derivatives = on_circle(site, azimuth, psi, height)
+        _, _, derivatives = circle_coordinates(site, azimuth, psi, height)
         path_radius = np.hypot(*derivatives.T)
         rate = level / path_radius
         angle = make_interp_spline(t, rate, k=5).antiderivative()
@@ -164,7 +164,7 @@ def _circle_motion(site: Site, azimuth: float, psi: Floats, climb: Climb, t: Flo
     psi : (n,) rad. Angles along the circle from the site.
     """
     height = site.height + climb.altitude(t)
-    latitude, longitude, derivatives = on_circle(site, azimuth, psi, height)
+    latitude, longitude, derivatives = circle_coordinates(site, azimuth, psi, height)
     track = unit(derivatives)
     horizontal = climb.level(t)[:, None] * track
     fall_rate = -climb.altitude(t, 1)
@@ -179,10 +179,10 @@ def _injection_orbit(stretches: Course) -> dict[str, float]:
     """Return perigee, apogee and inclination at injection."""
     _, r_i, v_i = stretches[-1]
     state = np.concatenate([r_i[-1], v_i[-1]])
-    return achieved(state)
+    return achieved_orbit(state)
 
 
-def tracks_of(stretches: Course, coast: float) -> list[RebuiltPhase]:
+def rebuilt_phases(stretches: Course, coast: float) -> list[RebuiltPhase]:
     """Return the phases to injection and the final coast of `coast` seconds.
 
     Velocity is interpolated and integrated to position, each phase from the end of the previous phase, so that both are
@@ -207,7 +207,7 @@ def _final_coast(last: RebuiltPhase, duration: float) -> RebuiltPhase:
     state = np.concatenate([last.position(last.end), last.position(last.end, 1), [1.0]])
     # Without thrust and drag the steering has no effect.
     no_numbers, no_vectors = np.zeros(0), np.zeros((0, 3))
-    idle = Steering(
+    steering = Steering(
         up_e=np.eye(3)[2],
         downrange_e=np.eye(3)[0],
         theta0=0.0,
@@ -223,8 +223,8 @@ def _final_coast(last: RebuiltPhase, duration: float) -> RebuiltPhase:
     )
     vacuum = Drag(0.0, np.array([0.0, 1.0]), np.zeros(2))
     n_step = max(8, int(np.ceil(duration / _STEP)))
-    t, y = fly(last.end, duration, n_step, state, idle, COASTING, vacuum)
-    end_accelerations = accelerations(t[[0, -1]], y[[0, -1]], idle, COASTING, vacuum)
+    t, y = fly(last.end, duration, n_step, state, steering, COASTING, vacuum)
+    end_accelerations = accelerations(t[[0, -1]], y[[0, -1]], steering, COASTING, vacuum)
     position = position_spline(t, y[:, :3], y[[0, -1], 3:6], end_accelerations)
     return RebuiltPhase(
         name="final coast",
@@ -257,12 +257,12 @@ def _pointing(
     pad_t = pad_knots(card.pad_hold, _STEP)
     no_directions = np.zeros((pad_t.size, 3))
     t = np.concatenate([pad_t, join_samples(times)])
-    along = np.concatenate([no_directions, *thrust_directions(times, thrusts)])
-    upright = eci_from_ecef(up_e, earth_angle(theta0, t))
+    thrust_axes = np.concatenate([no_directions, *thrust_directions(times, thrusts)])
+    vertical_axes = eci_from_ecef(up_e, earth_angle(theta0, t))
     first, last = _UPRIGHT
     progress = smoothsteps((t - first) / (last - first))
     weight = progress[:, None]
-    blend = (1.0 - weight) * upright + weight * along
+    blend = (1.0 - weight) * vertical_axes + weight * thrust_axes
     x = unit(blend)
     return ascent_attitude(t, x, right_e, theta0, card.roll)
 
@@ -286,7 +286,7 @@ def rebuild(card: RecordedAscent) -> Trajectory:
     azimuth = _azimuth(card, climb, breaks)
     theta0 = gmst(card.epoch)
     stretches = course(card.site, azimuth, climb, breaks, theta0)
-    tracks = tracks_of(stretches, card.coast_after_injection)
+    tracks = rebuilt_phases(stretches, card.coast_after_injection)
     attitude = _pointing(card, azimuth, tracks, coasts)
     pad = site_phase(card.site, theta0, card.pad_hold, attitude)
     phases = (*pad, *(Phase(*track, attitude) for track in tracks))
@@ -311,9 +311,9 @@ def rebuild(card: RecordedAscent) -> Trajectory:
     # Noise of a velocity: that of the speed, plus that of gravity along the path over an interval, g dh / v
     gravity_noise = STANDARD_GRAVITY * card.altitude_noise / np.maximum(record.speed, 1.0)
     noise = card.speed_noise + gravity_noise
-    missing = missing_events(record.t, force_along(record), flight.events, _COARSEST, noise)
-    flight = flight.remarked(NOTE, notes).remarked(WARNING, [missing] if missing else [])
-    return within_limits(flight, card, card.file, (_misfit(card, record, climb),))
+    event_warning = missing_events(record.t, path_force(record), flight.events, _COARSEST, noise)
+    flight = flight.add_remarks(NOTE, notes).add_remarks(WARNING, [event_warning] if event_warning else [])
+    return add_limit_remarks(flight, card, card.file, (_misfit(card, record, climb),))
 
 
 def _breaks_and_coasts(card: RecordedAscent, record: AscentRecord) -> tuple[list[float], list[tuple[float, float]]]:
@@ -350,7 +350,7 @@ def _until_injection(card: RecordedAscent, record: AscentRecord) -> tuple[Ascent
     first_inside, end = np.searchsorted(record.t, [0.0, injection], side="right")
     first = max(first_inside - 1, 0)
     record = _slice_record(record, first, end + 1)
-    short, last = bridged(record.t, injection - interval, LONGEST_HOLE, card.file)
+    gaps, last = bridged_gaps(record.t, injection - interval, LONGEST_HOLE, card.file)
     if last is not None:
         record = _slice_record(record, 0, last.row + 1)
     if record.t[-1] < injection - interval:
@@ -362,7 +362,7 @@ def _until_injection(card: RecordedAscent, record: AscentRecord) -> tuple[Ascent
     t = np.concatenate([[0.0], record.t[inside], [injection]])
     speed = np.interp(t, record.t, record.speed)
     altitude = np.interp(t, record.t, record.altitude)
-    return AscentRecord(t, speed, altitude), described(short)
+    return AscentRecord(t, speed, altitude), gap_remarks(gaps)
 
 
 def _slice_record(record: AscentRecord, first: int, end: int) -> AscentRecord:

@@ -56,7 +56,7 @@ def read(path: str) -> AscentRecord:
     return AscentRecord(*np.array(rows).T.copy())
 
 
-def _parse_row(fields: list[str], before: list[float] | None, where: str) -> list[float]:
+def _parse_row(fields: list[str], previous_row: list[float] | None, where: str) -> list[float]:
     if len(fields) != len(HEADER):
         raise InputError(f"{where}: {len(fields)} fields, expected {len(HEADER)}")
     row = []
@@ -70,23 +70,23 @@ def _parse_row(fields: list[str], before: list[float] | None, where: str) -> lis
         row.append(value)
     if row[1] < 0.0:
         raise InputError(f"{where}: speed_m_s is {fields[1]}, a speed is not negative")
-    if before is not None and row[0] <= before[0]:
-        is_repeated = row[0] == before[0]
+    if previous_row is not None and row[0] <= previous_row[0]:
+        is_repeated = row[0] == previous_row[0]
         fault = "repeats" if is_repeated else "goes back from"
-        raise InputError(f"{where}: time_s {fields[0]} {fault} {before[0]:g} s of the row before")
+        raise InputError(f"{where}: time_s {fields[0]} {fault} {previous_row[0]:g} s of the row before")
     return row
 
 
-def differences(recorded: FlightRecords, flight: Trajectory, site: Site) -> dict[str, float | str]:
+def differences(flight_records: FlightRecords, flight: Trajectory, site: Site) -> dict[str, float | str]:
     """Return the facts of the comparison, trajectory minus record.
 
     For speed relative to the Earth (m/s) and altitude above the site (m) they are RMS, largest difference and its time
     (s) from lift-off to injection. For every recorded event they are the time difference (s). InputError if the record
     cannot be read.
     """
-    facts: dict[str, float | str] = {"compared_with": recorded.source}
-    if recorded.file is not None:
-        record = read(recorded.file)
+    facts: dict[str, float | str] = {"compared_with": flight_records.source}
+    if flight_records.file is not None:
+        record = read(flight_records.file)
         inside = (record.t >= 0.0) & (record.t <= flight.events["injection"])
         record = AscentRecord(*(column[inside] for column in record))
         true = motion(flight, record.t)
@@ -94,16 +94,16 @@ def differences(recorded: FlightRecords, flight: Trajectory, site: Site) -> dict
         r_e = ecef_from_eci(true.r_i, earth_angle(flight.theta0, true.t))
         altitude = geodetic_from_ecef(r_e)[2] - site.height
         facts |= residual_facts("record", record, speed, altitude)
-    for name, time in recorded.events.items():
+    for name, time in flight_records.events.items():
         if name in flight.events:
             facts[f"{name}_after_record_s"] = flight.events[name] - time
     return facts
 
 
-def residual_facts(of: str, record: AscentRecord, speed: Floats, altitude: Floats) -> dict[str, float]:
+def residual_facts(prefix: str, record: AscentRecord, speed: Floats, altitude: Floats) -> dict[str, float]:
     """Return RMS and largest difference of speed and altitude from a record, with the time of the largest difference.
 
-    of : prefix of the names of the facts
+    prefix : prefix of the names of the facts
     speed, altitude : (n,) m/s, m. Values that are compared, at the times of the record.
     """
     facts: dict[str, float] = {}
@@ -111,13 +111,13 @@ def residual_facts(of: str, record: AscentRecord, speed: Floats, altitude: Float
     for name, unit, residual in residuals:
         worst = int(np.argmax(np.abs(residual)))
         mean_square = np.mean(residual**2)
-        facts[f"{of}_{name}_rms_{unit}"] = float(np.sqrt(mean_square))
-        facts[f"{of}_{name}_worst_{unit}"] = float(residual[worst])
-        facts[f"{of}_{name}_worst_at_s"] = float(record.t[worst])
+        facts[f"{prefix}_{name}_rms_{unit}"] = float(np.sqrt(mean_square))
+        facts[f"{prefix}_{name}_worst_{unit}"] = float(residual[worst])
+        facts[f"{prefix}_{name}_worst_at_s"] = float(record.t[worst])
     return facts
 
 
-def force_along(record: AscentRecord) -> Floats:
+def path_force(record: AscentRecord) -> Floats:
     """Return the mean specific force along the path (n - 1,) m/s^2 over each interval of a record.
 
     It is the acceleration plus the component of gravity along the path, which starts vertically. The Earth is assumed
@@ -250,9 +250,9 @@ class _FitProblem(NamedTuple):
         """Return initial coefficients: a fit of altitude alone, then of the horizontal speed that remains."""
         speed_noise, altitude_noise = self.noise
         record = self.record
-        h = _regularised(self.height / altitude_noise, self.jerk_h, record.altitude / altitude_noise)
+        h = _solve_regularised(self.height / altitude_noise, self.jerk_h, record.altitude / altitude_noise)
         level = np.sqrt(np.maximum(record.speed**2 - (self.climb @ h) ** 2, 0.0))
-        u = _regularised(self.level / speed_noise, self.jerk_u, level / speed_noise)
+        u = _solve_regularised(self.level / speed_noise, self.jerk_u, level / speed_noise)
         return np.concatenate([h, u])
 
     def solve(self, c: Floats) -> tuple[Floats, Floats]:
@@ -266,7 +266,7 @@ class _FitProblem(NamedTuple):
         damping = 1e-3
         for _ in range(_STEPS):
             jacobian = self.jacobian(c)
-            trial = c - _damped(jacobian.T @ jacobian, jacobian.T @ residual, damping)
+            trial = c - _solve_damped(jacobian.T @ jacobian, jacobian.T @ residual, damping)
             trial_residual = self.residual(trial)
             gain = 1.0 - float(trial_residual @ trial_residual) / float(residual @ residual)
             if gain > 0.0:
@@ -279,18 +279,18 @@ class _FitProblem(NamedTuple):
         return c, residual
 
 
-def _damped(normal: csc_array, slope: Floats, damping: float) -> Floats:
+def _solve_damped(normal: csc_array, slope: Floats, damping: float) -> Floats:
     """Return the solution of (normal + damping times its diagonal) @ x = slope; splines make the matrix sparse."""
     diagonal = diags_array(normal.diagonal())
     matrix = csc_array(normal + damping * diagonal)
     return np.asarray(splu(matrix).solve(slope))
 
 
-def _regularised(rows: csc_array, rough: csc_array, values: Floats) -> Floats:
+def _solve_regularised(rows: csc_array, rough: csc_array, values: Floats) -> Floats:
     """Return the least-squares solution x of rows @ x = values, regularised by the squared norm of rough @ x."""
     normal = rows.T @ rows + rough.T @ rough
     slope = rows.T @ values
-    return _damped(normal, slope, 1e-9)
+    return _solve_damped(normal, slope, 1e-9)
 
 
 def smooth(
@@ -321,8 +321,8 @@ def smooth(
     def fit(log_weight: float) -> Climb:
         nonlocal latest
         root = 10.0 ** (0.5 * log_weight)
-        weighted = problem._replace(jerk_h=root * problem.jerk_h, jerk_u=root * problem.jerk_u)
-        latest, residual = weighted.solve(latest)
+        weighted_problem = problem._replace(jerk_h=root * problem.jerk_h, jerk_u=root * problem.jerk_u)
+        latest, residual = weighted_problem.solve(latest)
         h, u = np.split(latest, [problem.height.shape[1]])
         return Climb(
             altitude=BSpline(problem.knots_h, np.concatenate([[0.0, 0.0], h]), 5),
@@ -354,16 +354,16 @@ def _knots(t: Floats, breaks: list[float], degree: int) -> Floats:
     return np.array(first_knots + inner + last_knots)
 
 
-def _design(knots: Floats, degree: int, t: Floats, order: int, fixed: int) -> csc_array:
-    """Return the sparse design matrix (n, n_basis - fixed) of derivative `order` of the basis splines.
+def _design(knots: Floats, degree: int, t: Floats, order: int, omitted_count: int) -> csc_array:
+    """Return the sparse design matrix (n, n_basis - omitted_count) of derivative `order` of the basis splines.
 
     t : (n,) s. Times.
-    fixed : number of first basis splines to omit, whose coefficients are zero
+    omitted_count : number of first basis splines to omit, whose coefficients are zero
     """
     count = len(knots) - degree - 1
     basis = BSpline(knots, np.eye(count), degree)
     values = basis(t, order)
-    return csc_array(values[:, fixed:])
+    return csc_array(values[:, omitted_count:])
 
 
 def _fit_problem(

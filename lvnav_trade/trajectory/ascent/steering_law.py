@@ -8,7 +8,7 @@ import numpy as np
 from scipy.interpolate import BSpline
 
 from lvnav_trade.kernels.earth import OMEGA
-from lvnav_trade.kernels.jit import jit, making_arrays
+from lvnav_trade.kernels.jit import array_jit, jit
 from lvnav_trade.quantities.frames import earth_angle, eci_from_ecef, quaternions, unit
 from lvnav_trade.quantities.records import Floats
 from lvnav_trade.trajectory.ascent.vehicle_cards import Roll
@@ -168,7 +168,7 @@ def direction(t: float, r: Direction, v: Direction, s: Steering) -> Direction:
     return u
 
 
-@making_arrays
+@array_jit
 def directions(t: Floats, y: Floats, s: Steering) -> Floats:
     """Return the unit vectors of the thrust along a path (see `direction`).
 
@@ -253,7 +253,7 @@ def thrust_directions(times: Sequence[Floats], thrusts: Sequence[BSpline | None]
     thrusts : Spline of the direction of the specific force in each phase, of unit length at its knots. None in a coast,
         in which the body turns from the previous thrust to the next. At least one phase is powered.
     """
-    powered = [k for k, thrust in enumerate(thrusts) if thrust is not None]
+    powered_phases = [k for k, thrust in enumerate(thrusts) if thrust is not None]
     directions = []
     for k, (t, thrust) in enumerate(zip(times, thrusts, strict=True)):
         is_last = k == len(times) - 1
@@ -261,21 +261,23 @@ def thrust_directions(times: Sequence[Floats], thrusts: Sequence[BSpline | None]
         if thrust is not None:
             directions.append(thrust(knots))
             continue
-        earlier = [i for i in powered if i < k]
-        later = [i for i in powered if i > k]
-        before = None
-        if earlier:
-            last = earlier[-1]
-            before = (thrusts[last], float(times[last][-1]))
-        after = None
-        if later:
-            first = later[0]
-            after = (thrusts[first], float(times[first][0]))
-        directions.append(_coast_directions(knots, before, after))
+        earlier_phases = [i for i in powered_phases if i < k]
+        later_phases = [i for i in powered_phases if i > k]
+        previous_thrust = None
+        if earlier_phases:
+            last = earlier_phases[-1]
+            previous_thrust = (thrusts[last], float(times[last][-1]))
+        next_thrust = None
+        if later_phases:
+            first = later_phases[0]
+            next_thrust = (thrusts[first], float(times[first][0]))
+        directions.append(_coast_directions(knots, previous_thrust, next_thrust))
     return directions
 
 
-def _coast_directions(t: Floats, before: tuple[Any, float] | None, after: tuple[Any, float] | None) -> Floats:
+def _coast_directions(
+    t: Floats, previous_thrust: tuple[Any, float] | None, next_thrust: tuple[Any, float] | None
+) -> Floats:
     """Return the directions in a coast, between the thrust before it and the thrust after it.
 
     Both are extrapolated at constant rate and blended by a quintic. If one is missing, the rate of the other decays.
@@ -284,9 +286,9 @@ def _coast_directions(t: Floats, before: tuple[Any, float] | None, after: tuple[
     ----------
     t : (n,) s
         Times.
-    before : tuple, optional
+    previous_thrust : tuple, optional
         Spline of the direction of the previous thrust, and its end (s).
-    after : tuple, optional
+    next_thrust : tuple, optional
         Spline of the direction of the next thrust, and its start (s).
 
     Returns
@@ -294,20 +296,20 @@ def _coast_directions(t: Floats, before: tuple[Any, float] | None, after: tuple[
     (n, 3)
         Unit vectors.
     """
-    if after is None:
-        assert before is not None
-        return _decaying_rotation(t, *before, 1.0)
-    if before is None:
-        return _decaying_rotation(t, *after, -1.0)
-    leaving, begin = before
-    arriving, end = after
+    if next_thrust is None:
+        assert previous_thrust is not None
+        return _decaying_rotation(t, *previous_thrust, 1.0)
+    if previous_thrust is None:
+        return _decaying_rotation(t, *next_thrust, -1.0)
+    previous_spline, begin = previous_thrust
+    next_spline, end = next_thrust
     since_begin = (t - begin)[:, None]
     to_end = (t - end)[:, None]
     progress = smoothsteps((t - begin) / (end - begin))
     weight = progress[:, None]
-    from_before = leaving(begin) + since_begin * leaving(begin, 1)
-    to_after = arriving(end) + to_end * arriving(end, 1)
-    mean = (1.0 - weight) * from_before + weight * to_after
+    previous_direction = previous_spline(begin) + since_begin * previous_spline(begin, 1)
+    next_direction = next_spline(end) + to_end * next_spline(end, 1)
+    mean = (1.0 - weight) * previous_direction + weight * next_direction
     return unit(mean)
 
 
@@ -321,7 +323,7 @@ def _decaying_rotation(t: Floats, thrust: Any, edge: float, sign: float) -> Floa
     """
     # Integral of the decaying rate exp(-|t - edge| / _DAMPING)
     span = (t - edge)[:, None]
-    decayed = -np.expm1(-sign * span / _DAMPING)
-    effective_time = sign * _DAMPING * decayed
-    rotated = thrust(edge) + effective_time * thrust(edge, 1)
-    return unit(rotated)
+    decay_fraction = -np.expm1(-sign * span / _DAMPING)
+    effective_time = sign * _DAMPING * decay_fraction
+    direction = thrust(edge) + effective_time * thrust(edge, 1)
+    return unit(direction)

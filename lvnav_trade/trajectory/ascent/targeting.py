@@ -69,7 +69,9 @@ def require_possible(card: VehicleAscent) -> None:
     """Raise InputError if a vehicle does not lift off, or the site cannot reach the inclination."""
     weight = lift_off_mass(card) * STANDARD_GRAVITY
     push = engine(card.vehicle, 1, 0.0, 0.0, 1.0)
-    booster_thrust, _ = unthrottled_thrust(push.unthrottled.since, _SEA_LEVEL_PRESSURE, push.unthrottled)
+    booster_thrust, _ = unthrottled_thrust(
+        push.unthrottled_motors.reference_time, _SEA_LEVEL_PRESSURE, push.unthrottled_motors
+    )
     thrust = push.thrust - _SEA_LEVEL_PRESSURE * push.exit_area + booster_thrust
     if thrust <= weight:
         raise InputError(
@@ -80,10 +82,10 @@ def require_possible(card: VehicleAscent) -> None:
     if abs(math.cos(card.target.inclination)) >= math.cos(card.site.latitude):
         inclination, latitude = math.degrees(card.target.inclination), math.degrees(card.site.latitude)
         highest_latitude = math.acos(min(1.0, abs(math.cos(card.target.inclination))))
-        missing = math.degrees(abs(card.site.latitude) - highest_latitude)
+        missing_angle = math.degrees(abs(card.site.latitude) - highest_latitude)
         raise InputError(
             f"{card.name}: an inclination of {inclination:.2f} deg cannot be reached from a latitude of {latitude:.2f} "
-            f"deg without a turn of the plane: it misses by {missing:.2f} deg"
+            f"deg without a turn of the plane: it misses by {missing_angle:.2f} deg"
         )
 
 
@@ -93,9 +95,9 @@ def _first_guess(card: VehicleAscent) -> Floats:
     if card.target.direction == "descending":
         azimuth = math.pi - azimuth
     azimuth -= card.azimuth or 0.0
-    stage = card.vehicle.stages[card.inserting - 1]
+    stage = card.vehicle.stages[card.insertion_stage - 1]
     burn = 0.95 * stage.propellant * STANDARD_GRAVITY * stage.specific_impulse / stage.full_thrust
-    burns_twice = card.parking is not None and card.inserting == len(card.vehicle.stages)
+    burns_twice = card.parking is not None and card.insertion_stage == len(card.vehicle.stages)
     if burns_twice:
         burn = 0.8 * burn
     return np.array([azimuth, 0.5, -0.1, burn])
@@ -152,7 +154,7 @@ def _apse(perigee: float, apogee: float, at_apogee: bool = False) -> InjectionPo
     return InjectionPoint(radius, _orbital_speed(radius, low, high))
 
 
-def entry_of(card: VehicleAscent) -> InjectionPoint:
+def injection_point(card: VehicleAscent) -> InjectionPoint:
     """Return the point of the target orbit at its card's true anomaly, or the perigee of the parking orbit."""
     orbit = card.target
     if card.parking is not None or orbit.anomaly == 0.0:
@@ -170,10 +172,10 @@ def entry_of(card: VehicleAscent) -> InjectionPoint:
     )
 
 
-def _reach(card: VehicleAscent, kick: float, guess: Floats, most: int = 200) -> OptimizeResult:
+def _reach(card: VehicleAscent, kick: float, guess: Floats, max_evaluations: int = 200) -> OptimizeResult:
     """Solve for azimuth, law and burn of an insertion; x of the result is in the units of `_aim`."""
-    entry = entry_of(card)
-    longest = _LONGEST * card.vehicle.stages[card.inserting - 1].full_burn
+    entry = injection_point(card)
+    longest = _LONGEST * card.vehicle.stages[card.insertion_stage - 1].full_burn
 
     def miss(z: Floats) -> Floats:
         if not np.all(np.isfinite(z)):  # the iteration diverged
@@ -184,7 +186,7 @@ def _reach(card: VehicleAscent, kick: float, guess: Floats, most: int = 200) -> 
         residuals = _residuals(flight.legs[-1].y[-1], entry, card.target.inclination) / _RESIDUAL
         return np.asarray(residuals + excess)
 
-    result = root(miss, np.zeros(4), method="hybr", options={"xtol": 1e-12, "maxfev": most})
+    result = root(miss, np.zeros(4), method="hybr", options={"xtol": 1e-12, "maxfev": max_evaluations})
     result.x = guess + result.x * _UNKNOWN
     return result
 
@@ -257,7 +259,7 @@ def _raise_orbit(card: VehicleAscent, aim: TargetingUnknowns) -> TargetingUnknow
         if not np.all(np.isfinite(z)):
             return np.full(z.size, _LOST)
         flight = fly_ascent(card, complete_aim(z), final_coast=False)
-        first_cutoff = _state_at(flight, flight.events[f"stage{card.inserting}_cutoff"])
+        first_cutoff = _state_at(flight, flight.events[f"stage{card.insertion_stage}_cutoff"])
         first_residuals = _residuals(first_cutoff, low, 0.0) / _RESIDUAL
         last_residuals = _residuals(flight.legs[-1].y[-1], high, card.target.inclination) / _RESIDUAL
         return np.append(last_residuals, first_residuals[[0, 2]])
@@ -272,8 +274,8 @@ def _second_burn(card: VehicleAscent, aim: TargetingUnknowns) -> TargetingUnknow
     """Return the aim with coast and second burn of a Hohmann transfer, as initial values."""
     assert card.parking is not None
     stage = card.vehicle.stages[-1]
-    mass = mass_above(card, card.inserting)
-    if card.inserting == len(card.vehicle.stages):
+    mass = mass_above(card, card.insertion_stage)
+    if card.insertion_stage == len(card.vehicle.stages):
         flight = fly_ascent(card, aim, final_coast=False)
         mass = float(flight.legs[-1].y[-1, 6])
     apogee = card.target.apogee
@@ -292,20 +294,20 @@ def _require_converged(card: VehicleAscent, aim: TargetingUnknowns, result: Opti
     """Raise InputError, with the miss of the nearest solution, if the targeting has not converged."""
     if np.linalg.norm(result.fun) <= _SMALL:
         return
-    missed = np.asarray(result.fun) * _RESIDUAL[: len(result.fun)]
+    residuals = np.asarray(result.fun) * _RESIDUAL[: len(result.fun)]
     raise InputError(
-        f"{card.name}: no steering reaches the orbit: the nearest misses it by {abs(missed[0]) / 1e3:.1f} km, "
-        f"{abs(missed[1]):.1f} m/s and {math.degrees(abs(missed[2])):.2f} deg of flight-path angle "
+        f"{card.name}: no steering reaches the orbit: the nearest misses it by {abs(residuals[0]) / 1e3:.1f} km, "
+        f"{abs(residuals[1]):.1f} m/s and {math.degrees(abs(residuals[2])):.2f} deg of flight-path angle "
         f"(kick {math.degrees(aim.kick):.2f} deg)"
     )
 
 
 def propellant_left(card: VehicleAscent, aim: TargetingUnknowns, number: int) -> float:
     """Return the remaining usable propellant (kg) of a stage cut off in orbit; negative for a shortfall."""
-    return left_in_orbit(card, fly_ascent(card, aim, final_coast=False), number)
+    return flight_propellant_left(card, fly_ascent(card, aim, final_coast=False), number)
 
 
-def left_in_orbit(card: VehicleAscent, flight: SimulatedAscent, number: int) -> float:
+def flight_propellant_left(card: VehicleAscent, flight: SimulatedAscent, number: int) -> float:
     """Return the remaining usable propellant (kg), as `propellant_left`, of an ascent that is already simulated."""
     y = flight.legs[-1].y[-1]
     if number < len(card.vehicle.stages):
@@ -316,17 +318,17 @@ def left_in_orbit(card: VehicleAscent, flight: SimulatedAscent, number: int) -> 
 
 def _require_propellant(card: VehicleAscent, aim: TargetingUnknowns) -> None:
     """Raise InputError, with the missing delta-v, if an aim burns more propellant than available."""
-    for number, stage in enumerate(card.vehicle.stages[card.inserting - 1 :], start=card.inserting):
+    for number, stage in enumerate(card.vehicle.stages[card.insertion_stage - 1 :], start=card.insertion_stage):
         remaining = propellant_left(card, aim, number)
         if remaining >= 0.0:
             continue
         empty = stage.dry + mass_above(card, number)
         if empty + remaining <= 0.5 * empty:  # the final mass is unphysical, and no measure of the missing velocity
             _refuse_too_heavy(card)
-        lacking = stage.exhaust_speed * math.log(empty / (empty + remaining))
+        missing_speed = stage.exhaust_speed * math.log(empty / (empty + remaining))
         raise InputError(
-            f"{card.name}: vehicle {card.vehicle.name!r} lacks {lacking:.0f} m/s of delta-v for the target orbit: "
-            f"stage {stage.name!r} would need {-remaining:.0f} kg more propellant with the payload of "
+            f"{card.name}: vehicle {card.vehicle.name!r} lacks {missing_speed:.0f} m/s of delta-v for the target "
+            f"orbit: stage {stage.name!r} would need {-remaining:.0f} kg more propellant with the payload of "
             f"{card.vehicle.payload:.0f} kg"
         )
 
@@ -340,27 +342,27 @@ def _refuse_too_heavy(card: VehicleAscent) -> None:
     """
     vehicle, payload = card.vehicle, card.vehicle.payload
     gain = impulse_speed(vehicle, payload)
-    beginning = f"{card.name}: vehicle {vehicle.name!r} lacks "
+    message_start = f"{card.name}: vehicle {vehicle.name!r} lacks "
     bracket = _bracket_payload(card)
     if bracket is None:
-        lacking = _least_speed(card) - gain
-        if lacking > 0.0:
+        missing_speed = _least_speed(card) - gain
+        if missing_speed > 0.0:
             raise InputError(
-                f"{beginning}at least {lacking:.0f} m/s of delta-v for the target orbit, losses not counted; no "
-                "payload, however light, gets there"
+                f"{message_start}at least {missing_speed:.0f} m/s of delta-v for the target orbit, losses not counted; "
+                "no payload, however light, gets there"
             )
         return
-    possible, impossible = bracket
+    feasible_payload, infeasible_payload = bracket
     for _ in range(5):
-        middle = 0.5 * (possible + impossible)
-        if _reaches(card, middle):
-            possible = middle
+        middle = 0.5 * (feasible_payload + infeasible_payload)
+        if _reaches_orbit(card, middle):
+            feasible_payload = middle
         else:
-            impossible = middle
-    lacking = impulse_speed(vehicle, possible) - gain
+            infeasible_payload = middle
+    missing_speed = impulse_speed(vehicle, feasible_payload) - gain
     raise InputError(
-        f"{beginning}about {lacking:.0f} m/s of delta-v for the target orbit: it carries about {possible:.0f} kg "
-        f"there, the payload is {payload:.0f} kg"
+        f"{message_start}about {missing_speed:.0f} m/s of delta-v for the target orbit: it carries about "
+        f"{feasible_payload:.0f} kg there, the payload is {payload:.0f} kg"
     )
 
 
@@ -369,25 +371,25 @@ def _bracket_payload(card: VehicleAscent) -> tuple[float, float] | None:
     larger = card.vehicle.payload
     for fraction in _PAYLOAD_FRACTIONS:
         payload = fraction * card.vehicle.payload
-        if _reaches(card, payload):
+        if _reaches_orbit(card, payload):
             return payload, larger
         larger = payload
     return None
 
 
-def _reaches(card: VehicleAscent, payload: float) -> bool:
+def _reaches_orbit(card: VehicleAscent, payload: float) -> bool:
     """Return whether the (first) orbit is reached with a payload (kg), within the propellant."""
     vehicle = card.vehicle.model_copy(update={"payload": payload})
-    light = card.model_copy(update={"vehicle": vehicle})
-    if impulse_speed(light.vehicle, payload) < _least_speed(light):
+    loaded_card = card.model_copy(update={"vehicle": vehicle})
+    if impulse_speed(loaded_card.vehicle, payload) < _least_speed(loaded_card):
         return False
-    guess = _first_guess(light)
-    kick = light.kick_angle or _moderate_kick(light, guess)
-    solution = _reach(light, kick, guess, 80)
+    guess = _first_guess(loaded_card)
+    kick = loaded_card.kick_angle or _moderate_kick(loaded_card, guess)
+    solution = _reach(loaded_card, kick, guess, 80)
     if not float(np.linalg.norm(solution.fun)) <= _SMALL:  # nor may it be NaN
         return False
-    aim = _aim(light, solution.x, kick)
-    return propellant_left(light, aim, light.inserting) >= 0.0
+    aim = _aim(loaded_card, solution.x, kick)
+    return propellant_left(loaded_card, aim, loaded_card.insertion_stage) >= 0.0
 
 
 def _least_speed(card: VehicleAscent) -> float:

@@ -101,7 +101,7 @@ class Boosters(Motor):
     ignition: units.Pause = Field(0.0, description="time between lift-off and ignition")
 
     @property
-    def gone(self) -> float:
+    def separation_time(self) -> float:
         """Time of separation, s since lift-off."""
         return self.ignition + self.full_burn + self.separation_delay
 
@@ -141,17 +141,18 @@ class VehicleCard(units.NamedCard):
         if self.fairing is not None and self.fairing.stage > len(self.stages):
             yield f"the fairing is released in stage {self.fairing.stage} of {len(self.stages)}"
         if self.fairing is not None and self.fairing.stage < len(self.stages):
-            below = self.stages[self.fairing.stage - 1]
-            if self.fairing.after_ignition >= below.full_burn:
-                yield f"stage {below.name!r} burns out after {below.full_burn:.1f} s, before the fairing goes"
+            fairing_stage = self.stages[self.fairing.stage - 1]
+            if self.fairing.after_ignition >= fairing_stage.full_burn:
+                burn_time = fairing_stage.full_burn
+                yield f"stage {fairing_stage.name!r} burns out after {burn_time:.1f} s, before the fairing goes"
         names = [group.name for group in self.boosters]
         if len(set(names)) < len(names):
             yield f"two groups of boosters share a name: {', '.join(names)}"
         for group in self.boosters:
-            if group.gone >= self.stages[0].full_burn:
+            if group.separation_time >= self.stages[0].full_burn:
                 yield (
-                    f"boosters {group.name!r} are dropped {group.gone:.1f} s after lift-off, the first stage burns out "
-                    f"after {self.stages[0].full_burn:.1f} s"
+                    f"boosters {group.name!r} are dropped {group.separation_time:.1f} s after lift-off, the first "
+                    f"stage burns out after {self.stages[0].full_burn:.1f} s"
                 )
 
 
@@ -247,9 +248,11 @@ class Roll(Card):
     rate: units.AngularRate = Field(0.05235987755982988, gt=0.0, description="largest roll rate")  # 3 deg/s
 
     def _faults(self) -> Iterator[str]:
-        idle = [name for name in ("start", "rate") if getattr(self, name) != type(self).model_fields[name].default]
-        if self.pad == self.flight and idle:
-            yield f"{' and '.join(idle)}: no effect: pad and flight have the same roll angle; change or omit one"
+        idle_fields = [
+            name for name in ("start", "rate") if getattr(self, name) != type(self).model_fields[name].default
+        ]
+        if self.pad == self.flight and idle_fields:
+            yield f"{' and '.join(idle_fields)}: no effect: pad and flight have the same roll angle; change or omit one"
 
 
 class FlightCard(units.NamedCard):
@@ -325,10 +328,10 @@ class VehicleAscent(FlightCard):
         if self.parking is not None and self.target.anomaly != 0.0:
             yield "by a parking orbit the target is reached at its apogee: its anomaly cannot be chosen"
         n_stage = len(self.vehicle.stages)
-        if self.inserting not in (n_stage - 1, n_stage) or self.inserting < self.steered_from:
+        if self.insertion_stage not in (n_stage - 1, n_stage) or self.insertion_stage < self.steered_from:
             yield (
-                f"the parking orbit is reached by stage {self.inserting}; of {n_stage} stages it must be one of the "
-                f"last two, and steered (from {self.steered_from})"
+                f"the parking orbit is reached by stage {self.insertion_stage}; of {n_stage} stages it must be one of "
+                f"the last two, and steered (from {self.steered_from})"
             )
         last = self.vehicle.stages[-1]
         if self.control is not None:
@@ -339,17 +342,17 @@ class VehicleAscent(FlightCard):
             yield "anomaly has no effect: a circular target has no perigee to count it from; leave it out"
         if self.parking is not None and last.profile is not None:
             yield f"stage {last.name!r} burns as long as guidance requires, so it cannot have a thrust profile"
-        yield from self._unguided() if self.guidance == "nominal" else self._misguided()
+        yield from self._unguided_faults() if self.guidance == "nominal" else self._guided_faults()
 
-    def _unguided(self) -> Iterator[str]:
-        if self.dispersion is not None and (self.dispersion.sigmas or self.dispersion.drawn):
+    def _unguided_faults(self) -> Iterator[str]:
+        if self.dispersion is not None and (self.dispersion.sigmas or self.dispersion.drawn_sources):
             yield "dispersion: sigmas and draw need guidance: open_loop, explicit or schuler"
         if self.cutoff != "energy":
             yield "cutoff: has no effect without guidance: give guidance: open_loop, explicit or schuler"
         if self.attitude_lag is not None:
             yield "attitude_lag: has no effect without guidance: give guidance: open_loop, explicit or schuler"
 
-    def _misguided(self) -> Iterator[str]:
+    def _guided_faults(self) -> Iterator[str]:
         if self.parking is not None:
             yield (
                 f"guidance: {self.guidance} steers one burn into the target; with a parking orbit give guidance: "
@@ -358,7 +361,7 @@ class VehicleAscent(FlightCard):
         if self.oscillation:
             yield f"oscillation: with guidance: {self.guidance} the body does not oscillate; leave it out"
         if self.control is not None:
-            yield from self.control.misguided(self.guidance)
+            yield from self.control.guidance_faults(self.guidance)
             if self.attitude_lag is not None:
                 yield "attitude_lag: control also states the response of the attitude; omit one of them"
         if self.dispersion is not None:
@@ -367,6 +370,6 @@ class VehicleAscent(FlightCard):
                 yield "dispersion.pitch_program: has no effect with guidance; leave it out"
 
     @property
-    def inserting(self) -> int:
+    def insertion_stage(self) -> int:
         """Number of the stage that is cut off in orbit: the target orbit, or the parking orbit."""
         return len(self.vehicle.stages) if self.parking is None or self.parking.stage is None else self.parking.stage

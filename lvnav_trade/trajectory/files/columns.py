@@ -194,9 +194,9 @@ class TableTrajectory(FileFlightCard):
             "pointing": self.attitude is not None,
             "roll": self.attitude is not None,
         }
-        for name, idle in is_idle.items():
+        for name, has_no_effect in is_idle.items():
             default = type(self).model_fields[name].default
-            if idle and getattr(self, name) != default:
+            if has_no_effect and getattr(self, name) != default:
                 quantity = "velocity" if name.startswith("velocity") else "attitude"
                 verb = "states" if name in ("pointing", "roll") else "does not state"
                 yield f"{name} has no effect: the card {verb} columns of {quantity}; leave it out"

@@ -12,7 +12,7 @@ from lvnav_trade.quantities.input_limits import STREAM
 from lvnav_trade.quantities.records import Floats
 from lvnav_trade.trajectory.files.columns import AttitudeColumns, TableTrajectory
 from lvnav_trade.trajectory.files.j2000 import rotation_to_date
-from lvnav_trade.trajectory.files.rows import TrajectoryRows, read_attitudes, si
+from lvnav_trade.trajectory.files.rows import TrajectoryRows, read_attitudes, si_factor
 
 REST = 1.0  # m/s relative to the Earth; a slower vehicle is at rest
 _WALK = 10.0  # m/s; precession between two dates moves a point at rest by less (1.1 m/s in 2024)
@@ -39,7 +39,7 @@ def clock_remark(card: TableTrajectory, rows: TrajectoryRows) -> str:
     """
     last_rest = rest_end(rows)
     begin = float(rows.t[0]) if last_rest is None else last_rest
-    column_value = begin / si(card.time.unit, "s") + card.time.liftoff
+    column_value = begin / si_factor(card.time.unit, "s") + card.time.liftoff
     advice = f"state what the column shows at lift-off, as YAML: time: {{..., liftoff: {column_value:.12g}}}"
     if last_rest is None:
         if abs(begin) > STREAM:
@@ -69,10 +69,10 @@ def axes_remark(card: TableTrajectory, rows: TrajectoryRows) -> str:
     turned_speed = float(np.linalg.norm(earth_velocity(turn @ r, turn @ v)))
     if speed > _WALK or turned_speed > 0.1 * speed:
         return ""
-    instead = {"eci": "j2000", "j2000": "eci"}[frame]
+    other_frame = {"eci": "j2000", "j2000": "eci"}[frame]
     return (
         f"the first row moves at {speed:.3g} m/s over the Earth in frame {frame}, and at {turned_speed:.3g} m/s in "
-        f"frame {instead}: are the axes those?"
+        f"frame {other_frame}: are the axes those?"
     )
 
 
@@ -85,15 +85,15 @@ _CERTAIN_ANGLE, _CLEAR_ANGLE = np.radians(1.0), np.radians(0.1)  # smaller angle
 class AttitudeInterpretation(NamedTuple):
     """An interpretation of the attitude columns.
 
-    part : Settings of the interpretation.
+    columns : Attitude columns with the settings of the interpretation.
     angle : rad. Median angle of the specific forces from the body x axis.
     """
 
-    part: AttitudeColumns
+    columns: AttitudeColumns
     angle: float
 
 
-def readings(attitude: dict[str, Any]) -> Iterator[dict[str, Any]]:
+def interpretations(attitude: dict[str, Any]) -> Iterator[dict[str, Any]]:
     """Yield the interpretations of attitude columns by frame, scalar and sense, that of the card first."""
     # keys of dictionaries, so that the setting of the card comes first and only once
     frames = dict.fromkeys([attitude["frame"], *_FRAMES])
@@ -109,7 +109,9 @@ def readings(attitude: dict[str, Any]) -> Iterator[dict[str, Any]]:
         yield attitude | {"frame": frame, "turns": sense, "scalar": scalar}
 
 
-def compared(card: TableTrajectory, r_i: Floats, force: Floats, strong: np.ndarray) -> list[AttitudeInterpretation]:
+def compare_interpretations(
+    card: TableTrajectory, r_i: Floats, force: Floats, is_strong: np.ndarray
+) -> list[AttitudeInterpretation]:
     """Return the interpretations of a card's attitude, that of the card first; an empty list without attitude.
 
     Parameters
@@ -120,18 +122,18 @@ def compared(card: TableTrajectory, r_i: Floats, force: Floats, strong: np.ndarr
         Positions of the rows, frame i.
     force : (n, 3) m/s^2
         Specific forces at the rows, frame i.
-    strong : (n,) bool
+    is_strong : (n,) bool
         Rows with a force large enough to define the direction of thrust.
     """
-    if card.attitude is None or not np.any(strong):
+    if card.attitude is None or not np.any(is_strong):
         return []
-    settings = [AttitudeColumns.model_validate(fields) for fields in readings(card.attitude.model_dump())]
-    thrust_direction = unit(force[strong])
+    settings = [AttitudeColumns.model_validate(fields) for fields in interpretations(card.attitude.model_dump())]
+    thrust_direction = unit(force[is_strong])
     candidates = []
     for columns, q_b_i in zip(settings, read_attitudes(card, settings, r_i), strict=True):
         if q_b_i is None:
             continue
-        roll_axis = matrices(q_b_i[strong])[:, :, 0]
+        roll_axis = matrices(q_b_i[is_strong])[:, :, 0]
         cosine = np.einsum("ij,ij->i", thrust_direction, roll_axis)
         angles = np.arccos(np.clip(cosine, -1.0, 1.0))
         median_angle = float(np.median(angles))
@@ -139,7 +141,7 @@ def compared(card: TableTrajectory, r_i: Floats, force: Floats, strong: np.ndarr
     return candidates
 
 
-def better(card: TableTrajectory, candidates: list[AttitudeInterpretation]) -> str:
+def interpretation_warning(card: TableTrajectory, candidates: list[AttitudeInterpretation]) -> str:
     """Return the warning about an interpretation that fits the forces clearly better than that of the card.
 
     The text is empty if there is none. InputError if the fit is ten times better, unless the card sets
@@ -147,21 +149,22 @@ def better(card: TableTrajectory, candidates: list[AttitudeInterpretation]) -> s
     """
     if len(candidates) < 2:
         return ""
-    stated = candidates[0]
+    card_interpretation = candidates[0]
     best = min(candidates[1:], key=lambda candidate: candidate.angle)
-    is_good = stated.angle < _CLEAR_ANGLE
-    is_similar = best.angle > _CLEAR * stated.angle or stated.angle - best.angle < _CLEAR_ANGLE
+    card_angle = card_interpretation.angle
+    is_good = card_angle < _CLEAR_ANGLE
+    is_similar = best.angle > _CLEAR * card_angle or card_angle - best.angle < _CLEAR_ANGLE
     if is_good or is_similar:
         return ""
     changes = []
-    for name, value in best.part.model_dump().items():
-        if value != getattr(stated.part, name):
+    for name, value in best.columns.model_dump().items():
+        if value != getattr(card_interpretation.columns, name):
             changes.append(f"{name}: {value}")
     text = (
-        f"forces above 1 g lie {np.degrees(stated.angle):.2f} deg off the body's x axis (median) as the attitude is "
-        f"stated, and {np.degrees(best.angle):.2f} deg with {', '.join(changes)}"
+        f"forces above 1 g lie {np.degrees(card_angle):.2f} deg off the body's x axis (median) as "
+        f"the attitude is stated, and {np.degrees(best.angle):.2f} deg with {', '.join(changes)}"
     )
-    is_certain = stated.angle > _CERTAIN_ANGLE and best.angle < _CERTAIN * stated.angle
+    is_certain = card_angle > _CERTAIN_ANGLE and best.angle < _CERTAIN * card_angle
     if is_certain and "largest_force_angle" not in card.model_fields_set:
         raise InputError(f"{card.file}: {text}: state that, or set largest_force_angle if the first is right")
     return text

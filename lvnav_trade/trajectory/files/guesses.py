@@ -96,16 +96,16 @@ _QUIET, _SPANS = 0.3, 20  # in units/s^2: a flight in m is faster over so many p
 
 
 class Guess(NamedTuple):
-    """A guessed part of a trajectory card.
+    """A guessed field of a trajectory card.
 
-    part : Field of the card, such as `time` or `position`.
+    field : Name of the field, such as `time` or `position`.
     content : Its content.
-    why : Reason of the guess.
+    reason : Reason of the guess.
     """
 
-    part: str
+    field: str
     content: Any
-    why: str
+    reason: str
 
 
 class _Column(NamedTuple):
@@ -118,14 +118,14 @@ class _Column(NamedTuple):
 _Reader = Callable[[Sequence[_Column]], Floats]  # reads the values (n, k) of columns
 
 
-def epoch_of(file: str, guesses: Sequence[Guess], near: str) -> tuple[str, str] | None:
+def guess_epoch(file: str, guesses: Sequence[Guess], near: str) -> tuple[str, str] | None:
     """Return lift-off in UTC and the reason, if the column of time is seconds of GPS week, GPS time or Unix time.
 
     None for another clock, or without a column of GPS weeks.
 
     near : ISO 8601 time in UTC that selects the era of a week number of ten bits.
     """
-    content = {guess.part: guess.content for guess in guesses}
+    content = {guess.field: guess.content for guess in guesses}
     time = content["time"]
     delimiter = content.get("delimiter", ",")
     second = parse(f"1 {time['unit']}", "s")
@@ -143,16 +143,16 @@ def epoch_of(file: str, guesses: Sequence[Guess], near: str) -> tuple[str, str] 
     number = float(table[0, 0])
     if not 0.0 <= number < _LAST_WEEK or number != round(number):
         return None
-    why = f"from {week[0].title} and {time['column']} at lift-off"
+    reason = f"from {week[0].title} and {time['column']} at lift-off"
     if number < WEEK_ROLLOVER:
-        why += "; the week number has ten bits: confirm the year"
+        reason += "; the week number has ten bits: confirm the year"
     seconds = resolve_week(int(number), liftoff, gps_seconds(near))
-    return utc_of(seconds).isoformat(), why
+    return utc_of(seconds).isoformat(), reason
 
 
-def left_out(file: str, guesses: Sequence[Guess]) -> list[str]:
+def unused_columns(file: str, guesses: Sequence[Guess]) -> list[str]:
     """Return the titles of the columns of a file that no guess uses."""
-    content = {guess.part: guess.content for guess in guesses}
+    content = {guess.field: guess.content for guess in guesses}
     guessed_titles = {content["time"]["column"]}
     for name in ("position", "velocity", "attitude"):
         columns = content.get(name, {}).get("columns", ())
@@ -182,16 +182,16 @@ def guess(file: str, time_column: str | None = None) -> list[Guess]:
     time = _time_column(file, columns, time_column)
     t = read_values([time])[:, 0]
     unit = time.unit or ("ms" if time.name == "itow" else "s")
-    why = "by its name" if time.unit else f"{unit} assumed"
-    guesses.append(Guess("time", {"column": time.title, "unit": unit}, why))
+    reason = "by its name" if time.unit else f"{unit} assumed"
+    guesses.append(Guess("time", {"column": time.title, "unit": unit}, reason))
     seconds = t * parse(f"1 {unit}", "s")
     position, place = _guess_position(file, columns, read_values, seconds)
     velocity = _guess_velocity(columns, read_values)
     if position.content["frame"] == "unknown":
-        frame, why = _guess_frame(place, seconds)
-        position = Guess("position", position.content | {"frame": frame}, f"{position.why}; {why}")
+        frame, reason = _guess_frame(place, seconds)
+        position = Guess("position", position.content | {"frame": frame}, f"{position.reason}; {reason}")
         if velocity is not None and velocity.content["frame"] == "unknown":
-            velocity = Guess("velocity", velocity.content | {"frame": frame}, velocity.why)
+            velocity = Guess("velocity", velocity.content | {"frame": frame}, velocity.reason)
     guesses.append(position)
     if velocity is not None:
         guesses.append(velocity)
@@ -246,21 +246,21 @@ def _find_columns(columns: Sequence[_Column], name_lists: Sequence[Sequence[str]
 
     Names that come first in a list have precedence.
     """
-    chosen = []
+    selection = []
     for names in name_lists:
         matches = [column for name in names for column in columns if column.name == name]
         if not matches:
             return None
-        chosen.append(matches[0])
-    return chosen
+        selection.append(matches[0])
+    return selection
 
 
 def _find_axes(columns: Sequence[_Column], forms: Sequence[str]) -> list[_Column] | None:
     """Return three columns whose names differ in x, y and z only; None if there are none."""
     for form in forms:
-        chosen = _find_columns(columns, [(form.format(x=axis),) for axis in "xyz"])
-        if chosen is not None:
-            return chosen
+        axis_columns = _find_columns(columns, [(form.format(x=axis),) for axis in "xyz"])
+        if axis_columns is not None:
+            return axis_columns
     return None
 
 
@@ -326,17 +326,17 @@ def _reason(column: _Column) -> str:
 
 def _guess_velocity(columns: Sequence[_Column], read_values: _Reader) -> Guess | None:
     """Return the guess of velocity; None if there are no columns of it."""
-    ned = _find_columns(columns, _NED)
-    chosen = ned or _find_axes(columns, _RATE)
-    if chosen is None:
+    ned_columns = _find_columns(columns, _NED)
+    velocity_columns = ned_columns or _find_axes(columns, _RATE)
+    if velocity_columns is None:
         return None
-    largest = float(np.max(np.abs(read_values(chosen))))
+    largest = float(np.max(np.abs(read_values(velocity_columns))))
     content = {
-        "frame": "ned" if ned else chosen[0].frame or "unknown",
-        "columns": [column.title for column in chosen],
-        "unit": chosen[0].unit or ("m/s" if largest > 30.0 else "km/s"),
+        "frame": "ned" if ned_columns else velocity_columns[0].frame or "unknown",
+        "columns": [column.title for column in velocity_columns],
+        "unit": velocity_columns[0].unit or ("m/s" if largest > 30.0 else "km/s"),
     }
-    return Guess("velocity", content, _reason(chosen[0]))
+    return Guess("velocity", content, _reason(velocity_columns[0]))
 
 
 def _guess_frame(place: Floats, t: Floats) -> tuple[str, str]:

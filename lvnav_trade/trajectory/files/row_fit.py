@@ -14,11 +14,11 @@ from lvnav_trade.quantities.errors import InputError
 from lvnav_trade.quantities.frames import unit
 from lvnav_trade.quantities.input_files import read_bytes
 from lvnav_trade.quantities.input_limits import DATA_BYTES
-from lvnav_trade.quantities.reads import remembered
+from lvnav_trade.quantities.reads import result_cache
 from lvnav_trade.quantities.records import Floats
 from lvnav_trade.trajectory.discontinuities import missing_events
 from lvnav_trade.trajectory.files.columns import TableTrajectory
-from lvnav_trade.trajectory.files.contradiction import Residual, added
+from lvnav_trade.trajectory.files.contradiction import Residual, message_suffix
 from lvnav_trade.trajectory.files.row_checks import SAME
 from lvnav_trade.trajectory.files.rows import TrajectoryRows, read_rows
 from lvnav_trade.trajectory.files.splines import fit
@@ -50,7 +50,7 @@ class RowFit(NamedTuple):
     jumps : Changes of the reference point, which are removed from the rows.
     misfit : Position of the spline minus rows: RMS (m), largest (m), and its time (s).
     residuals : Worst contradiction of each part between edges.
-    missing : Warning about events that the card does not declare; empty for none.
+    event_warning : Warning about events that the card does not declare; empty for none.
     """
 
     rows: TrajectoryRows
@@ -59,7 +59,7 @@ class RowFit(NamedTuple):
     jumps: tuple[ReferencePointChange, ...]
     misfit: tuple[float, float, float]
     residuals: tuple[Residual, ...]
-    missing: str = ""
+    event_warning: str = ""
 
 
 def row_fit(card: TableTrajectory) -> RowFit:
@@ -70,16 +70,16 @@ def row_fit(card: TableTrajectory) -> RowFit:
     InputError
         The file cannot be read, contradicts itself grossly, or an event lies outside it.
     """
-    identity = (card.model_dump_json(), content_of(card.file))
+    identity = (card.model_dump_json(), file_digest(card.file))
     return _cached_fit(identity, card)
 
 
-def content_of(file: str) -> str:
+def file_digest(file: str) -> str:
     """Return the SHA-256 digest of a file; InputError if it cannot be read."""
     return hashlib.sha256(read_bytes(file, DATA_BYTES)).hexdigest()
 
 
-@remembered(4)
+@result_cache(4)
 def _cached_fit(identity: tuple[str, str], card: TableTrajectory) -> RowFit:
     """Return the fit of a card's file, cached by `identity`: the card and the digest of the file."""
     rows = read_rows(card)
@@ -91,19 +91,19 @@ def _cached_fit(identity: tuple[str, str], card: TableTrajectory) -> RowFit:
             )
     edges = _edges(marks, rows.t)
     t, force, noise = mean_forces(rows)
-    missing = missing_events(t, force, marks, COARSEST, noise)
+    event_warning = missing_events(t, force, marks, COARSEST, noise)
     try:
         path = (
             _fit_positions(card, rows, edges, marks) if rows.v_i is None else _fit_velocities(card, rows, edges, marks)
         )
     except InputError as error:
-        raise InputError(f"{error}{added(missing)}") from None
-    path = path._replace(missing=missing)
+        raise InputError(f"{error}{message_suffix(event_warning)}") from None
+    path = path._replace(event_warning=event_warning)
     if rows.q_b_i is None:
         return path
     attitude = attitude_fit(rows, rows.t, rows.q_b_i)
-    fitted = attitude(rows.t)
-    size = angles_between(fitted, rows.q_b_i)
+    fitted_q = attitude(rows.t)
+    size = angles_between(fitted_q, rows.q_b_i)
     worst = _worst_residuals("attitude", rows, edges, lambda indices: size[indices])
     return path._replace(residuals=path.residuals + worst)
 
@@ -196,17 +196,17 @@ def _fit_positions(
     for time, size in zip(breaks, sizes, strict=True):
         if size > card.smallest_jump + 10.0 * noise:
             step_times.append(time)
-    fitted = fit(rows.t, rows.r_i, breaks, 5, noise, step_times)
+    spline_fit = fit(rows.t, rows.r_i, breaks, 5, noise, step_times)
     jumps = []
     offset = np.zeros_like(rows.r_i)
-    for time, shift in zip(step_times, fitted.steps, strict=True):
+    for time, shift in zip(step_times, spline_fit.steps, strict=True):
         names = _event_names(marks, time - SAME, time + SAME)
         jumps.append(ReferencePointChange(name=names, time=time, shift=shift))
         offset = offset + np.outer(rows.t >= time, shift)
-    difference = fitted.spline(rows.t) + offset - rows.r_i
+    difference = spline_fit.spline(rows.t) + offset - rows.r_i
     return RowFit(
         rows=rows,
-        position=fitted.spline,
+        position=spline_fit.spline,
         edges=edges,
         jumps=tuple(jumps),
         misfit=_misfit(rows, difference),
@@ -215,13 +215,13 @@ def _fit_positions(
 
 
 def _worst_residuals(
-    what: str, rows: TrajectoryRows, edges: list[float], size: Callable[[NDArray[np.int64]], Floats]
+    quantity: str, rows: TrajectoryRows, edges: list[float], size: Callable[[NDArray[np.int64]], Floats]
 ) -> tuple[Residual, ...]:
     """Return the worst residual of each part with two rows or more.
 
     Parameters
     ----------
-    what : {"position", "velocity", "attitude"}
+    quantity : {"position", "velocity", "attitude"}
         Quantity of the residuals.
     rows : TrajectoryRows
         Rows of the file, with their noise.
@@ -230,7 +230,7 @@ def _worst_residuals(
     size : callable
         Function of row numbers (m,) that returns the residuals (m,), SI.
     """
-    noise = rows.noise[("position", "velocity", "attitude").index(what)]
+    noise = rows.noise[("position", "velocity", "attitude").index(quantity)]
     residuals = []
     for begin, end in pairwise(edges):
         indices = np.flatnonzero((rows.t >= begin - SAME) & (rows.t <= end + SAME))
@@ -240,7 +240,7 @@ def _worst_residuals(
         worst = int(np.argmax(sizes))
         residuals.append(
             Residual(
-                what=what,
+                quantity=quantity,
                 start=begin,
                 end=end,
                 time=float(rows.t[indices[worst]]),
@@ -278,12 +278,12 @@ def _remove_movements(
             raise InputError(f"{card.name}: moving_reference: {first!r} does not come before {last!r} in {card.file}")
         ends_after_begin = rows.t[1:] > begin
         begins_before_end = rows.t[:-1] < end
-        within = ends_after_begin & begins_before_end
+        is_inside = ends_after_begin & begins_before_end
         # an interval with a step is treated by `_remove_steps`
-        within &= np.linalg.norm(change, axis=1) < card.smallest_jump
-        shift = -np.sum(change[within], axis=0)
+        is_inside &= np.linalg.norm(change, axis=1) < card.smallest_jump
+        shift = -np.sum(change[is_inside], axis=0)
         jumps.append(ReferencePointChange(name=f"{first} to {last}", time=begin, shift=shift))
-        change[within] = 0.0
+        change[is_inside] = 0.0
     return jumps
 
 
@@ -355,9 +355,9 @@ def mean_forces(rows: TrajectoryRows) -> tuple[Floats, Floats, float]:
 
 def _midpoints(values: Floats) -> Floats:
     """Return the means of successive values."""
-    before = values[:-1]
-    after = values[1:]
-    return np.asarray(0.5 * (after + before))
+    previous_values = values[:-1]
+    next_values = values[1:]
+    return np.asarray(0.5 * (next_values + previous_values))
 
 
 def attitude_fit(rows: TrajectoryRows, t: Floats, q_b_i: Floats) -> BSpline:

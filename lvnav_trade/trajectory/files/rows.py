@@ -13,30 +13,30 @@ from lvnav_trade.quantities import frames
 from lvnav_trade.quantities.data_file import FEWEST, read_columns, refuse_first
 from lvnav_trade.quantities.errors import InputError
 from lvnav_trade.quantities.records import Floats
-from lvnav_trade.quantities.times import restored
+from lvnav_trade.quantities.times import restore_time_stamps
 from lvnav_trade.quantities.units import parse
 from lvnav_trade.trajectory.files.columns import AttitudeColumns, PositionColumns, TableTrajectory, VelocityColumns
 from lvnav_trade.trajectory.files.j2000 import rotation_to_date
-from lvnav_trade.trajectory.files.row_checks import doubled, refuse_repeated, rounding, usable
+from lvnav_trade.trajectory.files.row_checks import find_pair_starts, refuse_repeated, rounding, usable_rows
 
 _LARGEST_TURN = 1.0  # rad in a gap; the direction of a rotation near half a turn is ambiguous
 
 
-def pairs(card: TableTrajectory) -> list[float]:
+def row_pair_times(card: TableTrajectory) -> list[float]:
     """Return the times (s) with two different rows, before and after an event that the card may declare."""
     names = [card.time.column, *card.position.columns]
     if card.velocity is not None:
         names += card.velocity.columns
     table, _ = read_columns(card.file, names, card.delimiter)
-    table = table[~_repeats(table)]
+    table = table[~_is_repeated(table)]
     column = table[:, 0]
-    repeated = np.flatnonzero(np.diff(column) == 0.0)
-    since_liftoff = column[repeated] - card.time.liftoff
-    times = since_liftoff * si(card.time.unit, "s")
+    repeated_rows = np.flatnonzero(np.diff(column) == 0.0)
+    since_liftoff = column[repeated_rows] - card.time.liftoff
+    times = since_liftoff * si_factor(card.time.unit, "s")
     return list(dict.fromkeys(times.tolist()))
 
 
-def _repeats(table: Floats) -> NDArray[np.bool_]:
+def _is_repeated(table: Floats) -> NDArray[np.bool_]:
     """Return which rows are equal to the row before, as in files whose phases end and begin with the same state."""
     is_equal = np.all(table[1:] == table[:-1], axis=1)
     return np.append(False, is_equal)
@@ -93,12 +93,12 @@ def read_rows(card: TableTrajectory) -> TrajectoryRows:
         noise_q if card.attitude_noise is None else card.attitude_noise,
     )
     reader.refuse_jumps(card.events, (r_i, v_i, q_b_i), noise)
-    single = ~reader.before
+    is_single = ~reader.is_pair_start
     rows = TrajectoryRows(
-        t=reader.t[single],
-        r_i=r_i[single],
-        v_i=None if v_i is None else v_i[single],
-        q_b_i=None if q_b_i is None else q_b_i[single],
+        t=reader.t[is_single],
+        r_i=r_i[is_single],
+        v_i=None if v_i is None else v_i[is_single],
+        q_b_i=None if q_b_i is None else q_b_i[is_single],
         noise=noise,
         theta0=reader.theta0,
         notes=tuple(reader.notes),
@@ -118,19 +118,19 @@ def read_attitudes(
     r_i : (n, 3) m. Positions of the rows.
     """
     reader = _ColumnReader(card)
-    single = ~reader.before
-    positions = r_i[np.cumsum(single) - 1 + reader.before]  # both rows of an event have that of the second
+    is_single = ~reader.is_pair_start
+    positions = r_i[np.cumsum(is_single) - 1 + reader.is_pair_start]  # both rows of an event have that of the second
     attitudes: list[Floats | None] = []
     for columns in interpretations:
         try:
             q_b_i, _ = reader.attitudes(columns, positions)
-            attitudes.append(q_b_i[single])
+            attitudes.append(q_b_i[is_single])
         except InputError:
             attitudes.append(None)
     return attitudes
 
 
-def si(unit: str, base: str) -> float:
+def si_factor(unit: str, base: str) -> float:
     """Return the size of a unit in the SI unit `base`."""
     return parse(f"1 {unit}", base)
 
@@ -144,21 +144,22 @@ def _largest_rounding(table: Floats, *factors: float) -> float:
 class _ColumnReader:
     """Columns of a card's file by name, with times t (n,) s and Earth angles theta (n,).
 
-    before : (n,). First rows of pairs at a declared event; they end the phase before it and are not used otherwise.
+    is_pair_start : (n,). Whether a row is the first of two rows at a declared event; it ends the phase before the event
+        and is not used otherwise.
     time_noise : s. One sigma of the rounding of the times.
     turn : rad. Angle about z from frame i to the inertial axes of the file.
-    holes : Gaps between the rows.
+    gaps : Gaps between the rows.
     notes : Remarks on gaps and omitted rows.
     """
 
     t: Floats
-    before: NDArray[np.bool_]
+    is_pair_start: NDArray[np.bool_]
     notes: list[str]
 
     def __init__(self, card: TableTrajectory) -> None:
         names = _column_names(card)
         table, places = read_columns(card.file, names, card.delimiter)
-        is_equal = _repeats(table)
+        is_equal = _is_repeated(table)
         table = table[~is_equal]
         self.file = card.file
         self.places = [place for place, drop in zip(places, is_equal, strict=True) if not drop]
@@ -176,23 +177,23 @@ class _ColumnReader:
 
     def _read_times(self, card: TableTrajectory, column: Floats) -> int:
         """Set the times and all that follows from them; return the number of rows up to the end of the flight."""
-        second = si(card.time.unit, "s")
-        stamps = restored(column, card.time.unit)
+        second = si_factor(card.time.unit, "s")
+        stamps = restore_time_stamps(column, card.time.unit)
         t = (stamps.column - card.time.liftoff) * second
         self.time_noise = stamps.sigma * second
-        before = doubled(t, card.events)
-        refuse_repeated(t, before, card, self.places, stamps.apart)
-        single = np.flatnonzero(~before)
-        single_places = [self.places[k] for k in single.tolist()]
-        count, self.holes, self.notes = usable(t[single], card.events, card.file, single_places)
+        is_pair_start = find_pair_starts(t, card.events)
+        refuse_repeated(t, is_pair_start, card, self.places, stamps.spacing)
+        single_rows = np.flatnonzero(~is_pair_start)
+        single_places = [self.places[k] for k in single_rows.tolist()]
+        count, self.gaps, self.notes = usable_rows(t[single_rows], card.events, card.file, single_places)
         if count < FEWEST:
-            ended = f"before {self.notes[-1]}" if self.notes else "of different times"
-            raise InputError(f"{card.file}: {count} rows {ended}; a trajectory needs {FEWEST} or more")
+            end_text = f"before {self.notes[-1]}" if self.notes else "of different times"
+            raise InputError(f"{card.file}: {count} rows {end_text}; a trajectory needs {FEWEST} or more")
         if stamps.note:
             self.notes += [stamps.note]
-        last = int(single[count - 1]) + 1
+        last = int(single_rows[count - 1]) + 1
         self.t = t[:last]
-        self.before = before[:last]
+        self.is_pair_start = is_pair_start[:last]
         return last
 
     def inertial(self, v: Floats, frame: str) -> Floats:
@@ -204,9 +205,9 @@ class _ColumnReader:
     def table(self, names: tuple[str, ...]) -> Floats:
         return np.column_stack([self.column[name] for name in names])
 
-    def refuse(self, wrong: NDArray[np.bool_], fault: Callable[[int], str]) -> None:
+    def refuse(self, is_wrong: NDArray[np.bool_], fault: Callable[[int], str]) -> None:
         """Raise InputError for the first row that is wrong (n,)."""
-        refuse_first(wrong, self.file, self.places, fault)
+        refuse_first(is_wrong, self.file, self.places, fault)
 
     def add_timing_noise(self, values: Floats | None, noise: float) -> float:
         """Return one sigma of rows (n, 3) with the effect of rounded times: their median rate times that rounding."""
@@ -214,9 +215,9 @@ class _ColumnReader:
             return noise
         rate = 0.0
         if values is not None:
-            single = ~self.before
-            change = np.linalg.norm(np.diff(values[single], axis=0), axis=1)
-            rate = float(np.median(change / np.diff(self.t[single])))
+            is_single = ~self.is_pair_start
+            change = np.linalg.norm(np.diff(values[is_single], axis=0), axis=1)
+            rate = float(np.median(change / np.diff(self.t[is_single])))
         return math.hypot(noise, rate * self.time_noise)
 
     def refuse_jumps(
@@ -230,19 +231,19 @@ class _ColumnReader:
         noise : As in `TrajectoryRows`.
         """
         r_i, v_i, q_b_i = motion
-        for k in np.flatnonzero(self.before).tolist():
+        for k in np.flatnonzero(self.is_pair_start).tolist():
             # difference of the Earth's velocity between two reference points
             distance = float(np.linalg.norm(r_i[k + 1] - r_i[k]))
-            turned = OMEGA * distance
+            rotation_speed = OMEGA * distance
             if v_i is not None:
                 size = float(np.linalg.norm(v_i[k + 1] - v_i[k]))
-                limit = _JUMP + 10.0 * noise[1] + turned
+                limit = _JUMP + 10.0 * noise[1] + rotation_speed
                 if size > limit:
                     self._refuse_jump(events, k, f"velocity jumps by {size:.3g} m/s")
             if q_b_i is not None:
                 cosine = min(1.0, abs(float(q_b_i[k + 1] @ q_b_i[k])))
                 size = 2.0 * math.acos(cosine)
-                limit = _JUMP + 10.0 * noise[2] + turned
+                limit = _JUMP + 10.0 * noise[2] + rotation_speed
                 if size > limit:
                     self._refuse_jump(events, k, f"attitude jumps by {size:.3g} rad")
 
@@ -264,12 +265,12 @@ class _ColumnReader:
         cosine = np.abs(np.sum(next_q * q, axis=1))
         angle = 2.0 * np.arccos(np.minimum(1.0, cosine))
         rate = angle / np.diff(t)
-        for hole in self.holes:
-            neighbours = [rate[k] for k in (hole.row - 1, hole.row + 1) if 0 <= k < rate.size]
-            turn = hole.length * max(neighbours)
+        for gap in self.gaps:
+            neighbours = [rate[k] for k in (gap.row - 1, gap.row + 1) if 0 <= k < rate.size]
+            turn = gap.length * max(neighbours)
             if turn > _LARGEST_TURN:
                 raise InputError(
-                    f"{self.file}:{self.places[hole.row + 1]}: no data between {hole.start:g} s and {hole.end:g} s, "
+                    f"{self.file}:{self.places[gap.row + 1]}: no data between {gap.start:g} s and {gap.end:g} s, "
                     f"in which the body turns by about {math.degrees(turn):.0f} deg: give the attitude in between"
                 )
 
@@ -279,7 +280,7 @@ class _ColumnReader:
         if columns.frame == "geodetic":
             r_i, noise = self._geodetic_positions(columns, table)
         else:
-            metre = si(columns.unit, "m")
+            metre = si_factor(columns.unit, "m")
             r = table * metre
             r_i = frames.eci_from_ecef(r, self.theta) if columns.frame == "ecef" else self.inertial(r, columns.frame)
             noise = _largest_rounding(table, metre, metre, metre)
@@ -293,8 +294,8 @@ class _ColumnReader:
     def _geodetic_positions(self, columns: PositionColumns, table: Floats) -> tuple[Floats, float]:
         """Return r_i (n, 3) of latitude, longitude and height, and one sigma of its rounding."""
         names, unit = columns.columns, columns.unit
-        radian = si(unit, "rad")
-        metre = si(columns.height_unit or "m", "m")
+        radian = si_factor(unit, "rad")
+        metre = si_factor(columns.height_unit or "m", "m")
         latitude = table[:, 0] * radian
         longitude = table[:, 1] * radian
         height = table[:, 2] * metre
@@ -315,7 +316,7 @@ class _ColumnReader:
     def velocities(self, columns: VelocityColumns, r_i: Floats) -> tuple[Floats, float]:
         """Return v_i (n, 3) and one sigma of its rounding."""
         table = self.table(columns.columns)
-        factor = si(columns.unit, "m/s")
+        factor = si_factor(columns.unit, "m/s")
         v = table * factor
         speed = np.linalg.norm(v, axis=1)
         self.refuse(speed > _FASTEST, lambda k: f"a speed of {speed[k] * 1e-3:.6g} km/s; is the unit right?")
@@ -348,7 +349,7 @@ class _ColumnReader:
         """Return the matrices (n, 3, 3) from body components to those of the attitude's frame, and the rounding."""
         table = self.table(columns.columns)
         if columns.form == "euler":
-            radian = si(columns.unit or "rad", "rad")
+            radian = si_factor(columns.unit or "rad", "rad")
             angles = table * radian  # yaw, pitch, roll
             C = Rotation.from_euler("ZYX", angles).as_matrix()
             return np.asarray(C), _largest_rounding(table, radian, radian, radian)

@@ -61,8 +61,8 @@ class _FitProblem(NamedTuple):
         normal = csc_array(values.T @ values + rough.T @ rough)
         # The matrix is nearly singular if a step hardly differs from a bend of the spline.
         diagonal = diags_array(normal.diagonal())
-        regularised = csc_array(normal + 1e-14 * diagonal)
-        factors = splu(regularised)
+        regular_matrix = csc_array(normal + 1e-14 * diagonal)
+        factors = splu(regular_matrix)
         c = np.zeros((normal.shape[0], data.shape[1]))
         for _ in range(1 + _REFINEMENTS):
             residual = data - values @ c
@@ -182,11 +182,11 @@ def _quadrature(knots: Floats) -> tuple[Floats, Floats]:
     return nodes.ravel(), weights.ravel()
 
 
-def _derivative(knots: Floats, degree: int, order: int, at: Floats) -> csr_array:
+def _derivative(knots: Floats, degree: int, order: int, t: Floats) -> csr_array:
     """Return the sparse matrix (n, n_basis) from coefficients to a derivative of the spline.
 
     order : order of the derivative
-    at : (n,) s. Times within the intervals of the knots.
+    t : (n,) s. Times within the intervals of the knots.
     """
     lower: csr_array | None = None
     for k in range(degree, degree - order, -1):
@@ -199,15 +199,20 @@ def _derivative(knots: Floats, degree: int, order: int, at: Floats) -> csr_array
         lower = step if lower is None else csr_array(step @ lower)
         knots = knots[1:-1]
     assert lower is not None
-    basis = csr_array(BSpline.design_matrix(at, knots, degree - order))
+    basis = csr_array(BSpline.design_matrix(t, knots, degree - order))
     return csr_array(basis @ lower)
 
 
 _SLOW, _FAST = 1.0, 20.0  # m/s; upright below, along the velocity above, blended between
 
 
-def along_path(
-    position: BSpline, edges: list[float], theta0: float, along: Literal["thrust", "velocity"], roll: Roll, hold: float
+def path_attitude(
+    position: BSpline,
+    edges: list[float],
+    theta0: float,
+    direction: Literal["thrust", "velocity"],
+    roll: Roll,
+    hold: float,
 ) -> BSpline:
     """Return the quaternion spline of a body that points along its thrust or its velocity.
 
@@ -219,7 +224,7 @@ def along_path(
         Edges of its n parts.
     theta0 : float
         Earth angle at lift-off (rad).
-    along : {"thrust", "velocity"}
+    direction : {"thrust", "velocity"}
         Direction of the x axis.
     roll : Roll
     hold : float
@@ -232,7 +237,7 @@ def along_path(
     """
     times = [stretch_knots(begin, end) for begin, end in pairwise(edges)]
     t = join_samples(times)
-    x = _along_force(position, times) if along == "thrust" else _along_velocity(position, t, theta0)
+    x = _along_force(position, times) if direction == "thrust" else _along_velocity(position, t, theta0)
     right_e = _right_direction(position, edges, theta0)
     if hold > 0.0:
         pad_t = pad_times(edges[0], hold)[:-1]

@@ -19,13 +19,19 @@ from lvnav_trade.quantities.frames import (
 )
 from lvnav_trade.quantities.records import Floats
 from lvnav_trade.quantities.units import parse
-from lvnav_trade.trajectory.ascent.launch import achieved
-from lvnav_trade.trajectory.ascent.plausibility import within_limits
+from lvnav_trade.trajectory.ascent.launch import achieved_orbit
+from lvnav_trade.trajectory.ascent.plausibility import add_limit_remarks
 from lvnav_trade.trajectory.ascent.vehicle_cards import STANDARD_GRAVITY
 from lvnav_trade.trajectory.discontinuities import suggested_events
 from lvnav_trade.trajectory.files.columns import TableTrajectory
 from lvnav_trade.trajectory.files.contradiction import Residual
-from lvnav_trade.trajectory.files.first_rows import REST, axes_remark, better, clock_remark, compared
+from lvnav_trade.trajectory.files.first_rows import (
+    REST,
+    axes_remark,
+    clock_remark,
+    compare_interpretations,
+    interpretation_warning,
+)
 from lvnav_trade.trajectory.files.row_checks import SAME
 from lvnav_trade.trajectory.files.row_fit import (
     COARSEST,
@@ -38,13 +44,13 @@ from lvnav_trade.trajectory.files.row_fit import (
     row_fit,
 )
 from lvnav_trade.trajectory.files.rows import read_rows
-from lvnav_trade.trajectory.files.splines import along_path
+from lvnav_trade.trajectory.files.splines import path_attitude
 from lvnav_trade.trajectory.truth import NOTE, PAD_STEP, WARNING, Phase, Trajectory, motion, pad_phase, pad_times
 
 _CLOSEST = 0.1  # s; smallest interval of the samples at rest before the rows
 
 
-def from_table(card: TableTrajectory) -> Trajectory:
+def build_table_flight(card: TableTrajectory) -> Trajectory:
     """Return the true trajectory of a user's file.
 
     Raises
@@ -87,34 +93,37 @@ def from_table(card: TableTrajectory) -> Trajectory:
         epoch=card.epoch,
     )
     warnings = [
-        path.missing,
+        path.event_warning,
         clock_remark(card, rows),
         axes_remark(card, rows),
         _interpretation_remark(card, path),
     ]
-    flight = flight.remarked(NOTE, rows.notes).remarked(WARNING, [text for text in warnings if text])
-    flight = within_limits(flight, card, card.file)
+    flight = flight.add_remarks(NOTE, rows.notes).add_remarks(WARNING, [text for text in warnings if text])
+    flight = add_limit_remarks(flight, card, card.file)
     flight.facts.update(_facts(card, path, flight))
     return flight
 
 
 def _interpretation_remark(card: TableTrajectory, path: RowFit) -> str:
-    """Return the warning that another interpretation of the attitude fits the forces better; InputError as `better`."""
+    """Return the warning that another interpretation of the attitude fits the forces better; empty without attitude.
+
+    InputError as in `interpretation_warning`.
+    """
     rows = path.rows
     if rows.q_b_i is None:
         return ""
     gravity = gravity_along(path.position(rows.t))
     force = path.position(rows.t, 2) - gravity
     is_strong = np.linalg.norm(force, axis=1) > STANDARD_GRAVITY
-    return better(card, compared(card, rows.r_i, force, is_strong))
+    return interpretation_warning(card, compare_interpretations(card, rows.r_i, force, is_strong))
 
 
-def undeclared(card: TableTrajectory) -> str:
+def missing_events_warning(card: TableTrajectory) -> str:
     """Return the warning about events that jumps of force suggest and the card does not declare; empty for none."""
-    return row_fit(card).missing
+    return row_fit(card).event_warning
 
 
-def suggested(card: TableTrajectory) -> dict[str, str]:
+def suggest_file_events(card: TableTrajectory) -> dict[str, str]:
     """Return names and times of the events that a file suggests, in order of time.
 
     They are jumps of the specific force, and the events of the card, at which the file has two different rows.
@@ -124,18 +133,18 @@ def suggested(card: TableTrajectory) -> dict[str, str]:
     marks = event_marks({}, rows.t)
     events = suggested_events(t, force, marks, COARSEST, noise)
     interval = float(np.median(np.diff(rows.t)))
-    near = 2.0 * interval
+    tolerance = 2.0 * interval
     for number, time in enumerate(card.events.values(), start=1):
         name = f"two_states_{number}"
         for jump, jump_time in events.items():
-            if abs(parse(jump_time, "s") - time) < near:
+            if abs(parse(jump_time, "s") - time) < tolerance:
                 name = jump
                 break
         events[name] = f"{time!r} s"
     return dict(sorted(events.items(), key=lambda event: parse(event[1], "s")))
 
 
-def at_rest(card: TableTrajectory) -> bool:
+def is_at_rest(card: TableTrajectory) -> bool:
     """Whether the first row is at rest on the Earth, so that time on the pad may precede it."""
     rows = read_rows(card)
     if rows.v_i is None:
@@ -173,7 +182,7 @@ def _attitude(card: TableTrajectory, path: RowFit, hold: float) -> BSpline:
     """
     rows = path.rows
     if rows.q_b_i is None:
-        return along_path(path.position, path.edges, rows.theta0, card.pointing, card.roll, hold)
+        return path_attitude(path.position, path.edges, rows.theta0, card.pointing, card.roll, hold)
     t, q = rows.t, rows.q_b_i
     if hold > 0.0:
         # same interval as the rows, because the roughness of the spline is weighted by it
@@ -200,7 +209,7 @@ def _facts(card: TableTrajectory, path: RowFit, flight: Trajectory) -> dict[str,
     final_state = np.concatenate([path.position(end), path.position(end, 1)])
     facts: dict[str, float | str] = {
         "file": card.source,
-        **achieved(final_state),
+        **achieved_orbit(final_state),
         "max_load_g": float(np.max(load)) / STANDARD_GRAVITY,
         "implied_jerk_worst_m_s3": float(np.max(jerk)),
         "implied_jerk_worst_at_s": float(t[np.argmax(jerk)]),
@@ -214,7 +223,7 @@ def _facts(card: TableTrajectory, path: RowFit, flight: Trajectory) -> dict[str,
         facts[f"{change}_at_s"] = jump.time
         facts[f"{change}_m"] = float(np.linalg.norm(jump.shift))
     for quantity, si_unit in (("position", "m"), ("velocity", "m_s"), ("attitude", "rad")):
-        residuals = [residual for residual in path.residuals if residual.what == quantity]
+        residuals = [residual for residual in path.residuals if residual.quantity == quantity]
         if residuals:
             worst = max(residuals, key=lambda residual: residual.size)
             facts[f"residual_{quantity}_worst_{si_unit}"] = worst.size
@@ -252,8 +261,8 @@ def _attitude_facts(
     if rows.q_b_i is None:
         return {}
     coarse = attitude_fit(rows, rows.t[::2], rows.q_b_i[::2])
-    omitted = slice(1, None if rows.t.size % 2 else -1, 2)  # rows not used by the coarse spline, within its range
-    errors = angles_between(coarse(rows.t[omitted]), rows.q_b_i[omitted])
+    omitted_rows = slice(1, None if rows.t.size % 2 else -1, 2)  # rows not used by the coarse spline, within its range
+    errors = angles_between(coarse(rows.t[omitted_rows]), rows.q_b_i[omitted_rows])
     facts = {"attitude_from_half_the_rows_worst_rad": float(np.max(errors))}
     if t.size:
         roll_axis = matrices(motion(flight, t).q_b_i)[:, :, 0]

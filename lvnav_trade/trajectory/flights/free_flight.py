@@ -14,7 +14,7 @@ from lvnav_trade.quantities.records import Floats
 from lvnav_trade.trajectory.ascent.equations_of_motion import Drag
 from lvnav_trade.trajectory.ascent.steering_law import smoothsteps
 from lvnav_trade.trajectory.attitude_algebra import body_axes, product, rotation_quaternions
-from lvnav_trade.trajectory.truth import Phase, join_samples, splined
+from lvnav_trade.trajectory.truth import Phase, join_samples, spline_phase
 
 Axes = Callable[[Floats, Floats], Floats]  # times (n,) and states (n, 6 or more) to C_b_i (n, 3, 3)
 _TOLERANCE = 1e-11  # relative, of the integration; 1e-12 moves the end of an orbit by millimetres
@@ -59,16 +59,16 @@ def attitude(modes: Sequence[AttitudeLaw], t: Floats, y: Floats) -> Floats:
         first = int(np.searchsorted(t, mode.start, side="right"))
         if first == t.size:
             continue
-        after = slice(first, None)
-        next_axes = mode.axes(t[after], y[after])
+        later_times = slice(first, None)
+        next_axes = mode.axes(t[later_times], y[later_times])
         next_q = frames.quaternions(next_axes)
         if mode.slew > 0.0:
-            span = t[after] - mode.start
+            span = t[later_times] - mode.start
             progress = smoothsteps(span / mode.slew)
         else:
             progress = np.ones(t.size - first)
-        rotation = _partial_rotation(q[after], next_q, progress)
-        q[after] = product(q[after], rotation)
+        rotation = _partial_rotation(q[later_times], next_q, progress)
+        q[later_times] = product(q[later_times], rotation)
     return q
 
 
@@ -91,7 +91,7 @@ def _partial_rotation(q: Floats, next_q: Floats, progress: Floats) -> Floats:
     return rotation_quaternions(partial_angle[:, None] * axis)
 
 
-def nose(modes: Sequence[AttitudeLaw], t: float, y: Floats) -> Floats:
+def nose_direction(modes: Sequence[AttitudeLaw], t: float, y: Floats) -> Floats:
     """Return the direction of the body x axis, (3,), frame i, at a single time.
 
     modes : laws in order of their start
@@ -100,17 +100,17 @@ def nose(modes: Sequence[AttitudeLaw], t: float, y: Floats) -> Floats:
     """
     times = np.array([t])
     states = y[None]
-    begun = [modes[0], *(mode for mode in modes[1:] if mode.start < t)]
-    latest = begun[-1]
-    has_turned = len(begun) == 1 or t >= latest.start + latest.slew
+    active_modes = [modes[0], *(mode for mode in modes[1:] if mode.start < t)]
+    latest = active_modes[-1]
+    has_turned = len(active_modes) == 1 or t >= latest.start + latest.slew
     if has_turned:
         axes = latest.axes(times, states)
     else:
-        axes = frames.matrices(attitude(begun, times, states))
+        axes = frames.matrices(attitude(active_modes, times, states))
     return np.asarray(axes[0, :, 0])
 
 
-def along_airspeed(right_e: Floats, theta0: float, at_rest: Floats | None = None) -> Axes:
+def airspeed_law(right_e: Floats, theta0: float, at_rest: Floats | None = None) -> Axes:
     """Return the attitude law of a body with its x axis along the velocity through air that rotates with the Earth.
 
     right_e : (3,), frame e. Direction of the y axis, before its component along x is removed.
@@ -129,12 +129,12 @@ def along_airspeed(right_e: Floats, theta0: float, at_rest: Floats | None = None
     return axes
 
 
-def fixed_to_stars(C_b_i: Floats) -> Axes:
+def inertial_law(C_b_i: Floats) -> Axes:
     """Return the attitude law of a body with constant inertial attitude C_b_i (3, 3)."""
     return lambda t, y: np.broadcast_to(C_b_i, (t.size, 3, 3)).copy()
 
 
-def along_velocity(sign: float = 1.0) -> Axes:
+def velocity_law(sign: float = 1.0) -> Axes:
     """Return the attitude law with the x axis along (sign 1) or against (-1) the inertial velocity, z axis down."""
 
     def axes(t: Floats, y: Floats) -> Floats:
@@ -149,7 +149,7 @@ def along_velocity(sign: float = 1.0) -> Axes:
     return axes
 
 
-def level(t: Floats, y: Floats) -> Floats:
+def level_attitude(t: Floats, y: Floats) -> Floats:
     """Return the attitude (n, 3, 3) with x axis horizontal in the orbital plane, forward, and z axis to the centre."""
     r = y[:, :3]
     v = y[:, 3:6]
@@ -159,7 +159,7 @@ def level(t: Floats, y: Floats) -> Floats:
     return body_axes(forward, across, no_roll)
 
 
-def turned(axes: Axes, pitch: float, yaw: float) -> Axes:
+def rotate_law(axes: Axes, pitch: float, yaw: float) -> Axes:
     """Return an attitude law that is rotated from another law about body axes.
 
     axes : the other law
@@ -260,7 +260,7 @@ def climb(y: Floats) -> float:
 
 
 def fly(
-    name: str, t0: float, y0: Floats, rate: Law, longest: float, step: float, until: Condition | None = None
+    name: str, t0: float, y0: Floats, rate: Law, longest: float, step: float, end_condition: Condition | None = None
 ) -> IntegratedPhase:
     """Return the integrated phase from time t0 (s) and state y0 (7,).
 
@@ -275,10 +275,10 @@ def fly(
         Longest duration (s).
     step : float
         Interval of the knots (s), slightly reduced to fit; there are at least eight intervals.
-    until : Condition, optional
+    end_condition : Condition, optional
         Function of time and state that ends the phase at its zero.
     """
-    events = None if until is None else [lambda t, y: until(t, y)]
+    events = None if end_condition is None else [lambda t, y: end_condition(t, y)]
     if events is not None:
         events[0].terminal = True  # type: ignore[attr-defined]
     solution = solve_ivp(
@@ -300,10 +300,10 @@ def fly(
     return IntegratedPhase(name, t, y, rate)
 
 
-def phases(stretches: Sequence[IntegratedPhase], attitude: BSpline, spin: PPoly | None = None) -> list[Phase]:
+def phases(stretches: Sequence[IntegratedPhase], attitude: BSpline, roll_angle: PPoly | None = None) -> list[Phase]:
     """Return the phases of the true trajectory, with a position spline for each.
 
-    attitude, spin : common quaternion spline and roll angle, as in `Phase`
+    attitude, roll_angle : common quaternion spline and roll angle, as in `Phase`
     """
     result = []
     for stretch in stretches:
@@ -312,7 +312,7 @@ def phases(stretches: Sequence[IntegratedPhase], attitude: BSpline, spin: PPoly 
         end_rates = np.array([stretch.rate(float(t[k]), stretch.y[k]) for k in (0, -1)])
         v_ends = end_rates[:, :3]
         a_ends = end_rates[:, 3:6]
-        result.append(splined(stretch.name, t, r, v_ends, a_ends, attitude, spin))
+        result.append(spline_phase(stretch.name, t, r, v_ends, a_ends, attitude, roll_angle))
     return result
 
 
@@ -354,9 +354,9 @@ class FlightIntegration:
         """Present height, m."""
         return height(self.t, self.y, self.theta0)
 
-    def above(self, mark: float) -> Condition:
-        """Return the condition whose zero is at the height `mark` (m)."""
-        return lambda t, y: height(t, y, self.theta0) - mark
+    def height_condition(self, altitude: float) -> Condition:
+        """Return the condition whose zero is at the height `altitude` (m)."""
+        return lambda t, y: height(t, y, self.theta0) - altitude
 
     def axes(self, modes: Sequence[AttitudeLaw] = ()) -> Floats:
         """Return the present attitude C_b_i (3, 3), by the laws of the flight or other laws."""
@@ -365,17 +365,22 @@ class FlightIntegration:
         C_b_i = frames.matrices(q_b_i)[0]
         return np.asarray(C_b_i)
 
-    def ahead(
-        self, name: str, longest: float, step: float, thrust: Thrust | None = None, until: Condition | None = None
+    def integrate_phase(
+        self,
+        name: str,
+        longest: float,
+        step: float,
+        thrust: Thrust | None = None,
+        end_condition: Condition | None = None,
     ) -> IntegratedPhase:
-        """Return the phase from the present state; `name`, `longest`, `step` and `until` as in `fly`.
+        """Return the phase from the present state; `name`, `longest`, `step` and `end_condition` as in `fly`.
 
         thrust : burning motor; None: coast
         """
         rate = newton(self.air, thrust, self.theta0)
-        return fly(name, self.t, self.y, rate, longest, step, until)
+        return fly(name, self.t, self.y, rate, longest, step, end_condition)
 
-    def keep(self, stretch: IntegratedPhase) -> None:
+    def append_phase(self, stretch: IntegratedPhase) -> None:
         """Append a phase and advance to its end."""
         self.stretches.append(stretch)
         self.t = float(stretch.t[-1])
@@ -390,5 +395,5 @@ class FlightIntegration:
             vacuum=vacuum,
             flow=flow,
             exit_area=exit_area,
-            direction=lambda t, y: nose(self.modes, t, y),
+            direction=lambda t, y: nose_direction(self.modes, t, y),
         )

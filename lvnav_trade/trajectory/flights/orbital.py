@@ -21,22 +21,22 @@ from lvnav_trade.quantities.frames import (
 )
 from lvnav_trade.quantities.units import Angle, Area, Card, Epoch, Force, Length, Mass, TimeConstant
 from lvnav_trade.trajectory.ascent.equations_of_motion import Drag
-from lvnav_trade.trajectory.ascent.launch import achieved
+from lvnav_trade.trajectory.ascent.launch import achieved_orbit
 from lvnav_trade.trajectory.ascent.vehicle_cards import STANDARD_GRAVITY, FlightCard, refuse_drag_table
 from lvnav_trade.trajectory.disturbances import OscillationCard
 from lvnav_trade.trajectory.flights.free_flight import (
     AttitudeLaw,
     Axes,
     FlightIntegration,
-    along_airspeed,
-    along_velocity,
+    airspeed_law,
     attitude,
-    fixed_to_stars,
     greatest_load,
+    inertial_law,
     knots,
-    level,
+    level_attitude,
     phases,
-    turned,
+    rotate_law,
+    velocity_law,
 )
 from lvnav_trade.trajectory.truth import Trajectory, attitude_spline
 
@@ -118,7 +118,7 @@ class Descent(Card):
 
     def _faults(self) -> Iterator[str]:
         marks = [canopy.below for canopy in self.parachutes] + [self.altitude]
-        is_unordered = any(later >= earlier for earlier, later in pairwise(marks))
+        is_unordered = any(next_mark >= mark for mark, next_mark in pairwise(marks))
         if is_unordered:
             yield "parachutes open one below the other, above the altitude of the end"
 
@@ -208,40 +208,40 @@ class _OrbitalIntegration(FlightIntegration):
         """Turn to the attitude law of a leg at the present time; the first law applies from the start."""
         start = self.t if self.modes else -math.inf
         slew = leg.slew if self.modes else 0.0
-        axes = turned(self._law(leg.attitude), leg.pitch, leg.yaw)
+        axes = rotate_law(self._law(leg.attitude), leg.pitch, leg.yaw)
         self.modes.append(AttitudeLaw(start, slew, axes))
 
     def _law(self, law: Pointing) -> Axes:
         """Return an attitude law that begins at the present state."""
         if law == "inertial":
             if self.modes:
-                return fixed_to_stars(self.axes())
-            return fixed_to_stars(along_velocity()(np.array([self.t]), self.y[None])[0])
+                return inertial_law(self.axes())
+            return inertial_law(velocity_law()(np.array([self.t]), self.y[None])[0])
         if law == "airspeed":
             across = unit(np.cross(self.y[3:6], self.y[:3]))
             across_e = ecef_from_eci(across, earth_angle(self.theta0, self.t))
-            return along_airspeed(across_e, self.theta0)
+            return airspeed_law(across_e, self.theta0)
         if law == "horizontal":
-            return level
-        return along_velocity(1.0 if law == "prograde" else -1.0)
+            return level_attitude
+        return velocity_law(1.0 if law == "prograde" else -1.0)
 
     def leg(self, leg: OrbitalLeg) -> None:
         """Integrate a coast or a burn."""
         self.point(leg)
-        burns = leg.thrust is not None
-        if burns and self._turn() > _WIDEST:
+        has_thrust = leg.thrust is not None
+        if has_thrust and self._turn() > _WIDEST:
             raise InputError(
                 f"{self.card.name}: the body would turn by {math.degrees(self._turn()):.0f} deg while {leg.name!r} "
                 "burns; turn it in a coast before"
             )
-        self.events[f"{leg.name}_ignition" if burns else leg.name] = self.t
-        is_smooth = not burns and leg.slew >= 20.0 * _COAST and self.height >= _AIR
+        self.events[f"{leg.name}_ignition" if has_thrust else leg.name] = self.t
+        is_smooth = not has_thrust and leg.slew >= 20.0 * _COAST and self.height >= _AIR
         step = _COAST if is_smooth else _POWERED
         thrust = self.thrust(leg.thrust, leg.flow) if leg.thrust is not None else None
-        self.keep(self.ahead(leg.name, leg.duration, step, thrust, self.above(0.0)))
+        self.append_phase(self.integrate_phase(leg.name, leg.duration, step, thrust, self.height_condition(0.0)))
         if self.height < 1.0:
             raise InputError(f"{self.card.name}: the leg {leg.name!r} ends on the ground")
-        if burns:
+        if has_thrust:
             self.events[f"{leg.name}_cutoff"] = self.t
 
     def _turn(self) -> float:
@@ -271,17 +271,17 @@ class _OrbitalIntegration(FlightIntegration):
         is_smooth = self.height > _AIR and card.slew >= 20.0 * _COAST
         step = _COAST if is_smooth else _POWERED
         for mark, canopy in self._marks(card):
-            above = self.above(mark)
-            if above(self.t, self.y) <= 0.0:
+            height_condition = self.height_condition(mark)
+            if height_condition(self.t, self.y) <= 0.0:
                 raise InputError(f"{self.card.name}: the descent begins below {mark / 1e3:g} km")
-            stretch = self.ahead("descent", _LONGEST, step, until=above)
+            stretch = self.integrate_phase("descent", _LONGEST, step, end_condition=height_condition)
             end = stretch.t[-1]
-            if above(float(end), stretch.y[-1]) > 1.0:
+            if height_condition(float(end), stretch.y[-1]) > 1.0:
                 raise InputError(f"{self.card.name}: does not come down to {card.altitude / 1e3:g} km")
             if mark == card.altitude:  # a whole second is the end of a tick at every rate
                 duration = math.floor(end) - self.t
-                stretch = self.ahead("descent", duration, step)
-            self.keep(stretch)
+                stretch = self.integrate_phase("descent", duration, step)
+            self.append_phase(stretch)
             step = _POWERED
             if mark == _ENTRY:
                 self.events["entry"] = self.t
@@ -292,11 +292,11 @@ class _OrbitalIntegration(FlightIntegration):
                     mach=np.array([0.0, 1.0]),
                     coefficient=np.ones(2),
                 )
-                self.keep(self.ahead("opening", 4.0, _CANOPY))
+                self.append_phase(self.integrate_phase("opening", 4.0, _CANOPY))
 
 
 def _facts(flight: _OrbitalIntegration) -> dict[str, float | str]:
-    first = achieved(flight.stretches[0].y[0])
+    first = achieved_orbit(flight.stretches[0].y[0])
     return {
         "perigee_at_start_m": first["perigee_m"],
         "apogee_at_start_m": first["apogee_m"],

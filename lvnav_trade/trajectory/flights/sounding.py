@@ -24,13 +24,13 @@ from lvnav_trade.trajectory.flights.free_flight import (
     AttitudeLaw,
     FlightIntegration,
     Thrust,
-    along_airspeed,
+    airspeed_law,
     attitude,
     climb,
-    fixed_to_stars,
     fly,
     greatest_load,
     height,
+    inertial_law,
     knots,
     newton,
     phases,
@@ -110,8 +110,8 @@ class SoundingFlight(FlightCard):
         refuse_drag_table(self.mach, self.drag_coefficient)
         if self.rail.elevation is None and self.apogee is None:
             yield "give the rail's elevation or the apogee that it is to be solved for"
-        solved = self.rail.elevation is not None and self.apogee is not None
-        if solved and (len(self.stages) < 2 or self.stages[-1].elevation is not None):
+        is_solved = self.rail.elevation is not None and self.apogee is not None
+        if is_solved and (len(self.stages) < 2 or self.stages[-1].elevation is not None):
             yield "the rail's elevation and the last stage's are stated: nothing is left for the apogee"
         if self.stages[0].elevation is not None:
             yield "the first stage starts from the rail: its elevation is that of the rail"
@@ -121,8 +121,8 @@ class SoundingFlight(FlightCard):
             if stage.separation_delay is None:
                 yield f"stage {stage.name!r} stays, but another burns above it: give its separation_delay"
         for k, stage in enumerate(self.stages[1:], start=2):
-            turned = stage.elevation is not None or (solved and k == len(self.stages))
-            if turned and stage.ignition_delay < self.turn_time:
+            is_turned = stage.elevation is not None or (is_solved and k == len(self.stages))
+            if is_turned and stage.ignition_delay < self.turn_time:
                 yield f"stage {stage.name!r} is turned within turn_time, longer than its ignition_delay"
 
 
@@ -137,10 +137,10 @@ def launch(card: SoundingFlight) -> Trajectory:
     q_b_i = attitude_spline(t, attitude(flight.modes, t, y))
     flight.events["max_q"], max_q = _max_q(flight)
     events = dict(sorted(flight.events.items(), key=lambda item: item[1]))
-    spin = spin_angle(card.spin, events, float(t[0]), float(t[-1]))
-    pad = site_phase(card.site, flight.theta0, card.pad_hold, q_b_i, spin)
+    roll_angle = spin_angle(card.spin, events, float(t[0]), float(t[-1]))
+    pad = site_phase(card.site, flight.theta0, card.pad_hold, q_b_i, roll_angle)
     return Trajectory(
-        phases=(*pad, *phases(flight.stretches, q_b_i, spin)),
+        phases=(*pad, *phases(flight.stretches, q_b_i, roll_angle)),
         events=events,
         theta0=flight.theta0,
         epoch=card.epoch,
@@ -167,8 +167,8 @@ class _SoundingIntegration(FlightIntegration):
             coefficient=np.array(card.drag_coefficient),
         )
         super().__init__(theta0, y, drag)
-        on_rail = along_airspeed(right, theta0, at_rest=self.rail_e)
-        self.modes.append(AttitudeLaw(start=-math.inf, slew=0.0, axes=on_rail))
+        rail_law = airspeed_law(right, theta0, at_rest=self.rail_e)
+        self.modes.append(AttitudeLaw(start=-math.inf, slew=0.0, axes=rail_law))
         self.events["liftoff"] = 0.0
 
     def motor(self, stage: SolidMotor) -> Thrust:
@@ -178,11 +178,11 @@ class _SoundingIntegration(FlightIntegration):
 
     def leave_rail(self, stage: SolidMotor) -> None:
         """Integrate the motion along the rail, whose force cancels all acceleration across it."""
-        free = newton(self.air, self.motor(stage), self.theta0)
+        free_motion = newton(self.air, self.motor(stage), self.theta0)
         start_e = frames.ecef_from_eci(self.y[:3], self.theta0)
 
         def rate(t: float, y: Floats) -> Floats:
-            out = free(t, y)
+            out = free_motion(t, y)
             theta = frames.earth_angle(self.theta0, t)
             rail = frames.eci_from_ecef(self.rail_e, theta)
             # Centripetal and Coriolis acceleration of a point on the rotating rail
@@ -204,37 +204,37 @@ class _SoundingIntegration(FlightIntegration):
         acceleration_e = frames.rotation_i_e(self.theta0) @ acceleration
         if float(self.rail_e @ acceleration_e) < 0.5:
             raise InputError(f"{self.card.name}: the thrust of {stage.name!r} does not lift the rocket off its rail")
-        self.keep(fly("rail", 0.0, self.y, rate, stage.burn_time, _STEP, distance_to_end))
+        self.append_phase(fly("rail", 0.0, self.y, rate, stage.burn_time, _STEP, distance_to_end))
         self.events["rail_exit"] = self.t
         self.nose_first(self.card.weathercock)
 
     def nose_first(self, slew: float) -> None:
         """Turn the x axis along the airspeed, within `slew` seconds."""
-        axes = along_airspeed(self.right_e, self.theta0)
+        axes = airspeed_law(self.right_e, self.theta0)
         self.modes.append(AttitudeLaw(start=self.t, slew=slew, axes=axes))
 
     def leg(self, name: str, duration: float, thrust: Thrust | None = None) -> None:
         """Integrate for a duration (s); at the end of the aerodynamic phase the leg is cut and the attitude fixed."""
         end = self.t + duration
-        above = self.above(self.card.held_above)
+        height_condition = self.height_condition(self.card.held_above)
         while end - self.t > 1e-9:
-            has_crossing = not self.is_held and above(self.t, self.y) < 0.0
-            until = above if has_crossing else None
-            stretch = self.ahead(name, end - self.t, _STEP, thrust, until)
-            self.keep(stretch)
-            if not self.is_held and above(self.t, self.y) >= -1e-6:
+            has_crossing = not self.is_held and height_condition(self.t, self.y) < 0.0
+            end_condition = height_condition if has_crossing else None
+            stretch = self.integrate_phase(name, end - self.t, _STEP, thrust, end_condition)
+            self.append_phase(stretch)
+            if not self.is_held and height_condition(self.t, self.y) >= -1e-6:
                 self.hold(self.axes())
 
     def hold(self, C_b_i: Floats, start: float | None = None) -> None:
         """Keep an inertial attitude from `start` (s) on; None: from the present time on."""
         self.is_held = True
         law_start = self.t if start is None else start
-        axes = fixed_to_stars(C_b_i)
+        axes = inertial_law(C_b_i)
         self.modes.append(AttitudeLaw(start=law_start, slew=self.card.turn_time, axes=axes))
 
     def turn(self, elevation: float, coast: float) -> None:
         """Turn to an elevation (rad) above the local horizontal after `coast` seconds, by that time."""
-        coast_ahead = self.ahead("", coast, _STEP)
+        coast_ahead = self.integrate_phase("", coast, _STEP)
         end = coast_ahead.t[-1]
         y = coast_ahead.y[-1]
         r_i, v_i = y[:3], y[3:6]
@@ -256,8 +256,8 @@ class _SoundingIntegration(FlightIntegration):
         thrust = self.motor(stage)
         if number > 1:
             self.events[f"stage{number}_ignition"] = self.t
-        elapsed = self.t if number == 1 else 0.0  # on the rail
-        self.leg(f"stage {number} burn", stage.burn_time - elapsed, thrust)
+        time_on_rail = self.t if number == 1 else 0.0
+        self.leg(f"stage {number} burn", stage.burn_time - time_on_rail, thrust)
         self.events[f"stage{number}_cutoff"] = self.t
         if stage.separation_delay is not None:
             self.leg(f"stage {number} coast", stage.separation_delay)
@@ -270,7 +270,7 @@ class _SoundingIntegration(FlightIntegration):
             raise InputError(f"{self.card.name}: the rocket is past its apogee before its last stage is done")
         if not self.is_held:
             self.hold(self.axes())
-        self.keep(self.ahead("coast", _LONGEST, _STEP, until=lambda t, y: climb(y)))
+        self.append_phase(self.integrate_phase("coast", _LONGEST, _STEP, end_condition=lambda t, y: climb(y)))
         if climb(self.y) > 1.0:
             raise InputError(f"{self.card.name}: no apogee within {_LONGEST:g} s of the last stage")
         self.events["apogee"] = self.t
@@ -281,14 +281,14 @@ class _SoundingIntegration(FlightIntegration):
         if self.height - card.end_altitude < 1.0:
             raise InputError(f"{card.name}: the apogee is not above end_altitude")
         if card.end_altitude < card.held_above < self.height:
-            above_air = self.above(card.held_above)
-            self.keep(self.ahead("descent", _LONGEST, _STEP, until=above_air))
+            air_condition = self.height_condition(card.held_above)
+            self.append_phase(self.integrate_phase("descent", _LONGEST, _STEP, end_condition=air_condition))
             self.nose_first(card.turn_time)
-        above_end = self.above(card.end_altitude)
-        stretch = self.ahead("descent", _LONGEST, _STEP, until=above_end)
+        end_condition = self.height_condition(card.end_altitude)
+        stretch = self.integrate_phase("descent", _LONGEST, _STEP, end_condition=end_condition)
         # a whole second is the end of a tick at every rate
         end = max(math.floor(stretch.t[-1]), math.ceil(self.t + 1e-6))
-        self.keep(self.ahead("descent", end - self.t, _STEP))
+        self.append_phase(self.integrate_phase("descent", end - self.t, _STEP))
         self.events["end"] = self.t
 
 
@@ -298,8 +298,13 @@ def _centripetal_acceleration(y: Floats) -> Floats:
     return np.array([factor * y[0], factor * y[1], 0.0])
 
 
-def _simulate(card: SoundingFlight, elevation: float, turn: float | None, whole: bool = True) -> _SoundingIntegration:
-    """Return the flight with rail at `elevation` and last stage turned to `turn` (rad); to apogee if not whole."""
+def _simulate(
+    card: SoundingFlight, elevation: float, turn: float | None, has_descent: bool = True
+) -> _SoundingIntegration:
+    """Return the flight with rail at `elevation` and last stage turned to `turn` (rad).
+
+    Without descent it ends at apogee.
+    """
     flight = _SoundingIntegration(card, elevation)
     flight.leave_rail(card.stages[0])
     for number, stage in enumerate(card.stages, start=1):
@@ -311,7 +316,7 @@ def _simulate(card: SoundingFlight, elevation: float, turn: float | None, whole:
             flight.leg(f"coast before stage {number}", stage.ignition_delay)
         flight.burn(number, stage)
     flight.rise()
-    if whole:
+    if has_descent:
         flight.fall()
     return flight
 
@@ -328,7 +333,7 @@ def _solve(card: SoundingFlight) -> tuple[float, float | None]:
     def excess_height(elevation: float) -> float:
         rail_elevation, turn = (elevation, None) if rail is None else (rail, elevation)
         try:
-            return _simulate(card, rail_elevation, turn, whole=False).height - apogee
+            return _simulate(card, rail_elevation, turn, has_descent=False).height - apogee
         except InputError:  # so low that it comes down before its last stage is done
             return -apogee
 

@@ -12,7 +12,7 @@ from lvnav_trade.quantities.errors import InputError
 from lvnav_trade.quantities.units import Card, TimeConstant, TurnRate
 
 
-def _turns(value: Any) -> Any:
+def _refuse_angle_rate(value: Any) -> Any:
     """Refuse an angle per time, because as a frequency it would be read as turns per time, 6 times too fast."""
     if isinstance(value, str) and ("rad" in value or "deg" in value):
         raise ValueError(f"{value!r}: give the turns per second, in Hz")
@@ -23,7 +23,7 @@ class SpinStep(Card):
     """A smooth change of the spin rate, for example due to canted fins or a yo-yo despin."""
 
     at: Instant = Field(description="event, also with a duration added, or a time since lift-off")
-    frequency: Annotated[TurnRate, BeforeValidator(_turns)] = Field(
+    frequency: Annotated[TurnRate, BeforeValidator(_refuse_angle_rate)] = Field(
         description="spin rate about the x axis from that time, in turns per second"
     )
     over: TimeConstant

@@ -4,16 +4,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lvnav_trade.quantities.reads import remembered
+from lvnav_trade.quantities.reads import result_cache
 from lvnav_trade.quantities.records import Floats
 from lvnav_trade.trajectory.ascent.legs import mass_above
 from lvnav_trade.trajectory.ascent.vehicle_cards import VehicleAscent
 from lvnav_trade.trajectory.guided.autopilot import DrawKeys
 from lvnav_trade.trajectory.guided.course import ascend
-from lvnav_trade.trajectory.guided.draws import Sigmas, density_of, deviations, vehicle_of
+from lvnav_trade.trajectory.guided.draws import Sigmas, air_density_factor, deviations, run_vehicle
 from lvnav_trade.trajectory.guided.guidance_plan import GuidancePlan
 from lvnav_trade.trajectory.guided.guided_dynamics import PERFECT, NavigationErrors, error_at
-from lvnav_trade.trajectory.guided.missions import Launch, launch_along, turning_of, wind_of_launch
+from lvnav_trade.trajectory.guided.missions import Launch, attitude_control, launch_wind, steered_launch
 from lvnav_trade.trajectory.guided.pilots import ADRIFT, INJECTED, GuidedPilot, TurningPilot
 
 
@@ -23,14 +23,14 @@ class Injection(NamedTuple):
     outcome : One of `records.OUTCOMES`.
     t : s since lift-off. Time of the cut-off, or of an earlier end of the flight.
     y : (7,). True position (m), velocity (m/s), frame i, and mass (kg) at that time.
-    left : kg. Remaining propellant of the last stage.
+    propellant_left : kg. Remaining propellant of the last stage.
     error : (9,). Navigation errors at that time, as in `NavigationErrors`.
     """
 
     outcome: str
     t: float
     y: Floats
-    left: float
+    propellant_left: float
     error: Floats
 
 
@@ -57,10 +57,10 @@ def inject(
             outcome=ADRIFT,
             t=np.nan,
             y=np.full(7, np.nan),
-            left=np.nan,
+            propellant_left=np.nan,
             error=np.full(9, np.nan),
         )
-    vehicle = vehicle_of(plan.card, sigmas)
+    vehicle = run_vehicle(plan.card, sigmas)
     pilot = _make_pilot(plan, vehicle, sigmas, navigation, draws)
     outcome = pilot.fly()
     propellant = float(pilot.y[6]) - empty_mass(vehicle)
@@ -70,7 +70,7 @@ def inject(
         outcome=outcome,
         t=pilot.t,
         y=pilot.y[:7],
-        left=max(0.0, propellant),
+        propellant_left=max(0.0, propellant),
         error=error_at(pilot.t, navigation),
     )
 
@@ -101,13 +101,13 @@ def _make_pilot(
     content = plan.card.model_dump_json(exclude={"named_times", "cutoff", "dispersion"})
     launch = _cached_launch(content, plan.card)
     draws = draws or DrawKeys(np.uint64(0), np.uint64(0), np.uint64(0))
-    density = density_of(plan.card, sigmas)
-    turning = turning_of(launch, control.feedback, draws, by_run=True, density=density)
-    wind = wind_of_launch(launch, draws, run_deviations.wind)
+    density = air_density_factor(plan.card, sigmas)
+    turning = attitude_control(launch, control.feedback, draws, uses_run_navigation=True, density=density)
+    wind = launch_wind(launch, draws, run_deviations.wind)
     return TurningPilot(plan, vehicle, run_deviations._replace(wind=wind), navigation, turning)
 
 
-@remembered(4)
+@result_cache(4)
 def _cached_launch(key: str, card: VehicleAscent) -> Launch:
     assert card.control is not None
-    return launch_along(ascend(card), card.control)
+    return steered_launch(ascend(card), card.control)

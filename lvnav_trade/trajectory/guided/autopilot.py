@@ -202,7 +202,7 @@ class ControlledAttitude(NamedTuple):
     draws : Keys of the draws.
     memory : (2, N_MEMORY). State of both axes from tick to tick; updated.
     counts : (N_COUNT,). Counters of the run; updated.
-    every : Ticks from record to record.
+    record_interval : Ticks from record to record.
     history : (n_record, 2, N_RECORD). Record of every so many ticks; set.
     sums : (2, N_PHASE, N_SUM). Sums over the ticks of each phase; updated.
     """
@@ -212,7 +212,7 @@ class ControlledAttitude(NamedTuple):
     draws: DrawKeys
     memory: Floats
     counts: Ints
-    every: int
+    record_interval: int
     history: Floats
     sums: Floats
 

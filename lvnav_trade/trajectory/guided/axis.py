@@ -76,7 +76,7 @@ def gust_step(first, second, x, n0, n1):
     """Return the two states of a Dryden gust across the path after a step.
 
     The discretisation is exact. The states have unit variance, however V / L varies from step to step. The gust is
-    `gust_of` times its sigma.
+    `gust_output` times its sigma.
 
     Parameters
     ----------
@@ -107,7 +107,7 @@ def gust_step(first, second, x, n0, n1):
 
 
 @jit
-def gust_of(first, second):
+def gust_output(first, second):
     """Return the gust, of unit variance, of the states of `gust_step`.
 
     The forming filter is that of MIL-F-8785C across the path: (1 + sqrt(3) s L / V) / (1 + s L / V)^2.
@@ -178,21 +178,21 @@ def lateral_force(angle, drift, nozzle, coefficients):
 
 
 @jit
-def filter_gain(variance, driving, noise):
+def filter_gain(variance, step_variance, noise):
     """Return the variance after a measurement, and the gain, of the filter of a scalar random walk.
 
     variance : variance after the previous measurement
-    driving : variance of a step of the walk
+    step_variance : variance of a step of the walk
     noise : variance of the measurement noise
     """
-    prior = variance + driving
+    prior = variance + step_variance
     total = prior + noise
     gain = prior / total if total > 0.0 else 1.0
     return (1.0 - gain) * prior, gain
 
 
 @jit
-def thruster_of(state, error, dead_band, release):
+def thruster_sense(state, error, dead_band, release):
     """Return the sense (-1, 0, 1) of a thruster pair that drives an error into its dead band.
 
     A thruster opens outside the dead band. It closes once the error is within the part `release` of the dead band, or

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from lvnav_trade.kernels.jit import inlined, jit
+from lvnav_trade.kernels.jit import inline_jit, jit
 from lvnav_trade.kernels.random import normals, source_word
 from lvnav_trade.trajectory.guided.autopilot import (
     AIR,
@@ -78,7 +78,7 @@ _THRUST_MISALIGNMENT = source_word("rotation thrust misalignment")
 _ZERO = np.uint64(0)
 
 
-@inlined
+@inline_jit
 def draw_pair(control, source, number):
     """Return two standard normals of a source, for pitch and yaw.
 
@@ -149,18 +149,18 @@ def ignite(control, motor, up, right):
     control.counts[JUST_IGNITED] = 1
 
 
-@inlined
-def record(control, due, axis, rate_step, force, wind):
+@inline_jit
+def record(control, tick, axis, rate_step, force, wind):
     """Write the record of an axis at a tick, if this tick is recorded.
 
-    due : index of the tick
+    tick : index of the tick
     rate_step : rad/s. Step of the commanded rate.
     force, wind : m/s^2, m/s. Lateral specific force, and lateral wind without gusts.
     """
-    if due % control.every != 0 or due // control.every >= control.history.shape[0]:
+    if tick % control.record_interval != 0 or tick // control.record_interval >= control.history.shape[0]:
         return
     state = control.memory[axis]
-    number = due // control.every
+    number = tick // control.record_interval
     row = control.history[number, axis]
     row[NOZZLE] = state[NOZZLE_NOW]
     row[NOZZLE_COMMAND] = state[COMMAND_NOW]
@@ -178,7 +178,7 @@ def record(control, due, axis, rate_step, force, wind):
     row[STEPPED] = rate_step
 
 
-@inlined
+@inline_jit
 def _accumulate(sums, motion):
     """Add the motion of a tick to the sums (N_SUM,) of an axis in a phase."""
     turning = abs(motion.turning)
@@ -192,18 +192,18 @@ def _accumulate(sums, motion):
     sums[SQUARE_RATE] += motion.rate_error * motion.rate_error
 
 
-@inlined
+@inline_jit
 def close(control):
     """Add the previous tick to the sums; its angular acceleration is not available before its end."""
-    course, before = control.course, control.counts[NEXT] - 1
+    course, tick = control.course, control.counts[NEXT] - 1
     last = course.t.size - 1
-    if before < 0 or before >= last:
+    if tick < 0 or tick >= last:
         return
     dt = course.t[1] - course.t[0]
-    number = before // control.every
+    number = tick // control.record_interval
     for axis in range(2):
         state = control.memory[axis]
-        rate = course.rate[before + 1, axis] + state[RATE_NOW]
+        rate = course.rate[tick + 1, axis] + state[RATE_NOW]
         turning = (rate - state[PREVIOUS_RATE]) / dt
         motion = AxisMotion(
             turning=turning,
@@ -213,6 +213,6 @@ def close(control):
             error=state[ERROR_NOW],
             rate_error=state[RATE_ERROR_NOW],
         )
-        _accumulate(control.sums[axis, course.phase[before]], motion)
-        if before % control.every == 0 and number < control.history.shape[0]:
+        _accumulate(control.sums[axis, course.phase[tick]], motion)
+        if tick % control.record_interval == 0 and number < control.history.shape[0]:
             control.history[number, axis, TURNING] = turning

@@ -7,15 +7,15 @@ import numpy as np
 from scipy.interpolate import BSpline, CubicHermiteSpline
 
 from lvnav_trade.kernels.random import seed_words
-from lvnav_trade.quantities.reads import remembered
+from lvnav_trade.quantities.reads import result_cache
 from lvnav_trade.quantities.records import Floats
-from lvnav_trade.trajectory.ascent.launch import achieved, build_ascent
+from lvnav_trade.trajectory.ascent.launch import achieved_orbit, build_ascent
 from lvnav_trade.trajectory.ascent.vehicle_cards import STANDARD_GRAVITY, VehicleAscent
 from lvnav_trade.trajectory.attitude_algebra import product, rotation_quaternions
 from lvnav_trade.trajectory.control_cards import SteeredCard
 from lvnav_trade.trajectory.guided import autopilot
 from lvnav_trade.trajectory.guided.course import SolvedAscent, ascend
-from lvnav_trade.trajectory.guided.missions import Launch, fly_mission, launch_along
+from lvnav_trade.trajectory.guided.missions import Launch, fly_mission, steered_launch
 from lvnav_trade.trajectory.guided.pilots import PathSegment, TurningPilot
 from lvnav_trade.trajectory.truth import Commands, Phase, Trajectory, attitude_spline, motion, position_spline
 
@@ -23,12 +23,12 @@ _SEED = 0  # a launch is drawn from its number alone
 _LOAD_STEP = 0.05  # s between the times at which the load is evaluated
 
 
-@remembered(2)
+@result_cache(2)
 def _cached_ascent(key: str, card: VehicleAscent) -> SolvedAscent:
     return ascend(card)
 
 
-def flown_ascent(card: VehicleAscent) -> Trajectory:
+def simulate_ascent(card: VehicleAscent) -> Trajectory:
     """Return the true flight of a vehicle card, under wind and control if the card has them.
 
     Under guidance it is the nominal flight, because every run has its own launch.
@@ -37,7 +37,7 @@ def flown_ascent(card: VehicleAscent) -> Trajectory:
         return build_ascent(card)
     content = card.model_dump_json(exclude={"control", "named_times", "oscillation"})
     ascent = _cached_ascent(content, card)
-    launch = launch_along(ascent, card.control)
+    launch = steered_launch(ascent, card.control)
     return fly_launch(ascent, launch, card.control)
 
 
@@ -132,9 +132,9 @@ def _facts(flight: Trajectory) -> dict[str, float | str]:
     t = np.linspace(0.0, flight.end, n_load)
     load = np.linalg.norm(motion(flight, t).f_b, axis=1)
     max_q_time = np.array([flight.events["max_q"]])
-    max_q = flight.course.sampled(max_q_time)[2, 0]
+    max_q = flight.flight_profile.values_at(max_q_time)[2, 0]
     return {
-        **achieved(injection_state),
+        **achieved_orbit(injection_state),
         "max_load_g": float(np.max(load)) / STANDARD_GRAVITY,
         "max_dynamic_pressure_pa": float(max_q),
     }

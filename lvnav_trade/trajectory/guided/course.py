@@ -8,7 +8,7 @@ import numpy as np
 from lvnav_trade.quantities import frames
 from lvnav_trade.quantities.conditions import resolve
 from lvnav_trade.quantities.records import Floats
-from lvnav_trade.quantities.shared_cards import EnvelopeCard, changing
+from lvnav_trade.quantities.shared_cards import EnvelopeCard, is_changing
 from lvnav_trade.trajectory.ascent.dispersion import dispersed_ascent
 from lvnav_trade.trajectory.ascent.launch import build_ascent
 from lvnav_trade.trajectory.ascent.legs import AscentLeg
@@ -16,7 +16,7 @@ from lvnav_trade.trajectory.ascent.steering_law import smoothsteps
 from lvnav_trade.trajectory.ascent.vehicle_cards import VehicleAscent
 from lvnav_trade.trajectory.control_cards import ControllerCard
 from lvnav_trade.trajectory.guided.autopilot import BURN, CHANGE, COAST, CommandedAttitude
-from lvnav_trade.trajectory.guided.guidance_plan import GuidancePlan, plan_along
+from lvnav_trade.trajectory.guided.guidance_plan import GuidancePlan, plan_solved_ascent
 from lvnav_trade.trajectory.truth import Trajectory, motion
 
 PITCH, YAW = 0, 1
@@ -43,7 +43,7 @@ def ascend(card: VehicleAscent) -> SolvedAscent:
     """Return the solved ascent of a vehicle card; InputError if the orbit is out of reach."""
     vehicle, aim, flight = dispersed_ascent(card)
     trajectory = build_ascent(card)
-    plan = plan_along(card, aim, flight)
+    plan = plan_solved_ascent(card, aim, flight)
     return SolvedAscent(
         card=vehicle,
         trajectory=trajectory,
@@ -52,7 +52,7 @@ def ascend(card: VehicleAscent) -> SolvedAscent:
     )
 
 
-def changes(trajectory: Trajectory) -> Floats:
+def stage_event_times(trajectory: Trajectory) -> Floats:
     """Return the times (k,) in s of lift-off and of every ignition, cut-off and separation of a stage, in order."""
     times = []
     for name, t in trajectory.events.items():
@@ -61,7 +61,7 @@ def changes(trajectory: Trajectory) -> Floats:
     return np.array(times)
 
 
-def course_along(
+def ascent_course(
     ascent: SolvedAscent, controller: ControllerCard, envelope: EnvelopeCard, rate: float
 ) -> CommandedAttitude:
     """Return the commanded attitude along an ascent.
@@ -87,9 +87,9 @@ def course_along(
     t = np.minimum(np.arange(n_tick + 1) / rate, trajectory.end)
     nominal = motion(trajectory, t)
     C_b_i = frames.matrices(nominal.q_b_i)
-    turn, turn_rate = _turns(controller, trajectory, t)
-    phase = np.where(_burning(ascent.legs, t), BURN, COAST)
-    phase[changing(envelope, t, changes(trajectory))] = CHANGE
+    turn, turn_rate = _turn_manoeuvres(controller, trajectory, t)
+    phase = np.where(_is_burning(ascent.legs, t), BURN, COAST)
+    phase[is_changing(envelope, t, stage_event_times(trajectory))] = CHANGE
     return CommandedAttitude(
         t=t,
         ahead=np.ascontiguousarray(C_b_i[:, :, 0]),
@@ -103,7 +103,7 @@ def course_along(
     )
 
 
-def _burning(legs: list[AscentLeg], t: Floats) -> Floats:
+def _is_burning(legs: list[AscentLeg], t: Floats) -> Floats:
     """Return whether a motor burns at times t (n,)."""
     starts = [leg.t[0] for leg in legs]
     are_burns = [_BURN.match(leg.name) is not None for leg in legs]
@@ -113,7 +113,7 @@ def _burning(legs: list[AscentLeg], t: Floats) -> Floats:
     return is_burn[index]
 
 
-def _turns(controller: ControllerCard, trajectory: Trajectory, t: Floats) -> tuple[Floats, Floats]:
+def _turn_manoeuvres(controller: ControllerCard, trajectory: Trajectory, t: Floats) -> tuple[Floats, Floats]:
     """Return angle (rad) and rate (rad/s) of the turn manoeuvres at times t (n,), (n, 2) each."""
     angle = np.zeros((t.size, 2))
     rate = np.zeros((t.size, 2))

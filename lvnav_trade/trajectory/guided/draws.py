@@ -7,7 +7,7 @@ import numpy as np
 
 from lvnav_trade.kernels.random import normals, seed_words, source_word
 from lvnav_trade.quantities.records import Floats
-from lvnav_trade.trajectory.ascent.dispersion import dispersed
+from lvnav_trade.trajectory.ascent.dispersion import disperse_vehicle
 from lvnav_trade.trajectory.ascent.dispersion_card import SOURCES, DispersionsCard
 from lvnav_trade.trajectory.ascent.vehicle_cards import Boosters, Stage, VehicleAscent
 from lvnav_trade.trajectory.guided.guided_dynamics import Wind
@@ -59,7 +59,7 @@ def numbers(card: VehicleAscent) -> dict[str, int]:
 def draw(card: VehicleAscent, seed: int, run: int) -> dict[str, Floats]:
     """Return the draws of a run, in sigmas by the name of the source.
 
-    They are the sum of random draws (`dispersion.drawn`) and fixed deviations (`dispersion.sigmas`).
+    They are the sum of random draws (`dispersion.drawn_sources`) and fixed deviations (`dispersion.sigmas`).
 
     Parameters
     ----------
@@ -76,11 +76,11 @@ def draw(card: VehicleAscent, seed: int, run: int) -> dict[str, Floats]:
     sigmas: dict[str, Floats] = {}
     for name in SOURCES:
         n_draw = numbers(card)[name]
-        if run >= 0 and name in dispersion.drawn and getattr(spreads, name) > 0.0:
+        if run >= 0 and name in dispersion.drawn_sources and getattr(spreads, name) > 0.0:
             sigmas[name] = _standard_normals(name, n_draw, seed, run)
         if name in dispersion.sigmas:
-            drawn_sigmas = sigmas.get(name, np.zeros(n_draw))
-            sigmas[name] = drawn_sigmas + dispersion.sigmas[name]
+            random_sigmas = sigmas.get(name, np.zeros(n_draw))
+            sigmas[name] = random_sigmas + dispersion.sigmas[name]
     return sigmas
 
 
@@ -95,10 +95,10 @@ def _standard_normals(name: str, n_draw: int, seed: int, run: int) -> Floats:
     return np.array(values)
 
 
-def vehicle_of(card: VehicleAscent, sigmas: Sigmas) -> VehicleAscent:
+def run_vehicle(card: VehicleAscent, sigmas: Sigmas) -> VehicleAscent:
     """Return the card of the vehicle of a run: fixed factors of the dispersion, then draws."""
     if card.dispersion is not None and card.dispersion.is_common:
-        card = dispersed(card, card.dispersion)
+        card = disperse_vehicle(card, card.dispersion)
     spreads, vehicle = card.vehicle.dispersions, card.vehicle
     if spreads is None or not sigmas:
         return card
@@ -138,7 +138,7 @@ def _factor(spreads: DispersionsCard, sigmas: Sigmas, name: str, k: int) -> floa
     return max(_LEAST, 1.0 + deviation)
 
 
-def density_of(card: VehicleAscent, sigmas: Sigmas) -> float:
+def air_density_factor(card: VehicleAscent, sigmas: Sigmas) -> float:
     """Return the factor on the density of the air of a run."""
     spreads = card.vehicle.dispersions
     return 1.0 if spreads is None else _factor(spreads, sigmas, "density", 0)
@@ -174,14 +174,14 @@ def deviations(card: VehicleAscent, sigmas: Sigmas) -> Deviations:
     for name in ("thrust_misalignment", "separation_impulse", "tail_off"):
         size[name] = sigmas.get(name, np.zeros(n_draw[name])) * float(getattr(spreads, name, 0.0))
     return Deviations(
-        wind=wind_of(sigmas.get("wind"), spreads),
+        wind=run_wind(sigmas.get("wind"), spreads),
         misalignment=size["thrust_misalignment"].reshape(n_stage, 2),
         separation=np.concatenate([size["separation_impulse"], [0.0]]),
         tail_off=float(size["tail_off"][0]),
     )
 
 
-def wind_of(sigmas: Floats | None, spreads: DispersionsCard | None) -> Wind:
+def run_wind(sigmas: Floats | None, spreads: DispersionsCard | None) -> Wind:
     """Return the wind of a run: a Gauss-Markov process over height for each component, stationary from the ground on.
 
     sigmas : (2 n_height,). Draws of both components, height by height from the ground; None: no wind.

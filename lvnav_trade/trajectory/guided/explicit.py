@@ -1,7 +1,8 @@
 """Unified powered-flight guidance of one burn: a linear-tangent direction that reaches radius, speed, climb and plane.
 
-`steer` updates the law. `guided_dynamics.commanded` returns its direction; `guided_dynamics.fly_last` ends the burn.
-The effect of gravity over the rest of the burn is integrated, or follows in closed form from the Schuler approximation.
+`steer` updates the law. `guided_dynamics.commanded_direction` returns its direction; `guided_dynamics.fly_last` ends
+the burn. The effect of gravity over the rest of the burn is integrated, or follows in closed form from the Schuler
+approximation.
 
 McHenry, Brand, Long, Cockrell and Thibodeau, Space Shuttle ascent guidance, navigation, and control, Journal of the
 Astronautical Sciences 27(1), 1979; Brand, Brown and Higgins, Unified powered flight guidance, NTRS 19740004402 (1973).
@@ -13,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from lvnav_trade.kernels.earth import gravity_j4
-from lvnav_trade.kernels.jit import jit, making_arrays
+from lvnav_trade.kernels.jit import array_jit, jit
 from lvnav_trade.quantities.records import Floats
 
 _COAST_STEP = 20.0  # s, of the prediction of gravity; halving it moves the predicted end by centimetres
@@ -37,19 +38,19 @@ class Target(NamedTuple):
 
     radius : m.
     speed : m/s.
-    climb : rad. Flight-path angle.
+    flight_path_angle : rad. Flight-path angle.
     normal : (3,). Normal of the orbit's plane, frame i.
     place : (3,) m. Position of the nominal cut-off, frame i, from which the first pass starts.
     """
 
     radius: float
     speed: float
-    climb: float
+    flight_path_angle: float
     normal: Floats
     place: Floats
 
 
-@making_arrays
+@array_jit
 def _integrate_free_fall(r: Floats, v: Floats, span: float) -> tuple[Floats, Floats]:
     """Return position and velocity (3,) after a span (s) of free fall, by the classical Runge-Kutta method."""
     n_step = max(1, math.ceil(span / _COAST_STEP))
@@ -74,7 +75,7 @@ def _integrate_free_fall(r: Floats, v: Floats, span: float) -> tuple[Floats, Flo
     return r, v
 
 
-@making_arrays
+@array_jit
 def schuler_coast(r: Floats, v: Floats, span: float) -> tuple[Floats, Floats]:
     """Return position and velocity (3,) after a span (s) of free fall, by the Schuler approximation.
 
@@ -116,7 +117,7 @@ def integrals(acceleration: float, exhaust: float, span: float) -> ThrustIntegra
     return L, J, H, S, Q, P
 
 
-@making_arrays
+@array_jit
 def _begin(law_state: Floats, r: Floats, v: Floats, target: Target) -> None:
     """Set the initial values of the first pass: the nominal position at cut-off, and the velocity there.
 
@@ -127,8 +128,8 @@ def _begin(law_state: Floats, r: Floats, v: Floats, target: Target) -> None:
     radius = np.linalg.norm(target.place)
     radial = target.place / radius
     downrange = np.cross(target.normal, radial)
-    sine = math.sin(target.climb)
-    cosine = math.cos(target.climb)
+    sine = math.sin(target.flight_path_angle)
+    cosine = math.cos(target.flight_path_angle)
     direction = sine * radial + cosine * downrange
     target_velocity = target.speed * direction
     law_state[VGO : VGO + 3] = target_velocity - v
@@ -139,7 +140,7 @@ def _begin(law_state: Floats, r: Floats, v: Floats, target: Target) -> None:
     law_state[BEFORE] = 1.0
 
 
-@making_arrays
+@array_jit
 def _position_to_go(lambda_v: Floats, S: float, rgo: Floats, rd: Floats, normal: Floats) -> Floats:
     """Return the position to go (3,) m with the downrange component that the thrust produces.
 
@@ -162,7 +163,7 @@ def _position_to_go(lambda_v: Floats, S: float, rgo: Floats, rd: Floats, normal:
     return rgo_xy + rgo_z * iz
 
 
-@making_arrays
+@array_jit
 def _turning_thrust(lambda_v: Floats, lambda_dot: Floats, thrust: ThrustIntegrals) -> tuple[Floats, Floats]:
     """Return the velocity (m/s) and position (m), (3,) each, gained by a thrust that turns at a constant rate.
 
@@ -195,7 +196,7 @@ def _turning_thrust(lambda_v: Floats, lambda_dot: Floats, thrust: ThrustIntegral
     return vthrust, rthrust
 
 
-@making_arrays
+@array_jit
 def _gravity_over_burn(
     r: Floats, v: Floats, tgo: float, vthrust: Floats, rthrust: Floats, schuler: bool
 ) -> tuple[Floats, Floats]:
@@ -219,7 +220,7 @@ def _gravity_over_burn(
     return vgrav, rgrav
 
 
-@making_arrays
+@array_jit
 def _refine(
     law_state: Floats,
     t: float,
@@ -259,12 +260,12 @@ def _refine(
     # Velocity at the predicted cut-off, in the plane of the target
     iy = -target.normal
     rp = r + v * tgo + rgrav + rthrust
-    out_of_plane = np.dot(rp, iy)
-    rp = rp - out_of_plane * iy
+    normal_component = np.dot(rp, iy)
+    rp = rp - normal_component * iy
     ix = rp / np.linalg.norm(rp)
     iz = np.cross(ix, iy)
-    sine = math.sin(target.climb)
-    cosine = math.cos(target.climb)
+    sine = math.sin(target.flight_path_angle)
+    cosine = math.cos(target.flight_path_angle)
     vd_direction = sine * ix + cosine * iz
     vd = target.speed * vd_direction
     new_vgo = vd - v - vgrav + vbias
@@ -282,7 +283,7 @@ def _refine(
     return float(np.linalg.norm(vgo_change))
 
 
-@making_arrays
+@array_jit
 def steer(
     law_state: Floats,
     t: float,
@@ -319,8 +320,8 @@ def steer(
         gravity = np.array(gravity_j4(r[0], r[1], r[2]))
         span = t - law_state[TIME]
         last_velocity = law_state[VELOCITY : VELOCITY + 3]
-        gained_by_thrust = v - last_velocity - span * gravity
-        law_state[VGO : VGO + 3] -= gained_by_thrust
+        velocity_gain = v - last_velocity - span * gravity
+        law_state[VGO : VGO + 3] -= velocity_gain
         change = _refine(law_state, t, r, v, acceleration, exhaust, target, schuler)
         limit = _JUMP
     law_state[VELOCITY : VELOCITY + 3] = v

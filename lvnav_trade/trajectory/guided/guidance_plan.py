@@ -7,13 +7,13 @@ from scipy.interpolate import CubicHermiteSpline, CubicSpline
 
 from lvnav_trade.kernels.earth import GM
 from lvnav_trade.quantities.frames import unit
-from lvnav_trade.quantities.reads import remembered
+from lvnav_trade.quantities.reads import result_cache
 from lvnav_trade.quantities.records import Floats
 from lvnav_trade.trajectory.ascent.dispersion import dispersed_ascent
 from lvnav_trade.trajectory.ascent.dispersion_card import SOURCES
 from lvnav_trade.trajectory.ascent.legs import SimulatedAscent, TargetingUnknowns
 from lvnav_trade.trajectory.ascent.steering_law import directions
-from lvnav_trade.trajectory.ascent.targeting import entry_of
+from lvnav_trade.trajectory.ascent.targeting import injection_point
 from lvnav_trade.trajectory.ascent.vehicle_cards import VehicleAscent
 from lvnav_trade.trajectory.guided.explicit import Target
 from lvnav_trade.trajectory.guided.guided_dynamics import AttitudeProgramme
@@ -32,7 +32,7 @@ class GuidancePlan(NamedTuple):
     cutoff : s since lift-off. Nominal time of the cut-off.
     nominal : (7,). State of the nominal flight at its cut-off.
     explicit : Whether the last stage steers by the navigated state.
-    by_energy : Whether it is cut off at the energy, and not at the time.
+    has_energy_cutoff : Whether it is cut off at an energy; otherwise at a time.
     spreads : Sigma of each source that is dispersed, by its name.
     lag : s. Time constant with which the body follows its command; 0: at once.
     schuler : Whether explicit guidance predicts gravity by the Schuler approximation.
@@ -46,7 +46,7 @@ class GuidancePlan(NamedTuple):
     cutoff: float
     nominal: Floats
     explicit: bool = False
-    by_energy: bool = True
+    has_energy_cutoff: bool = True
     spreads: tuple[tuple[str, float], ...] = ()
     lag: float = 0.0
     schuler: bool = False
@@ -62,16 +62,16 @@ def steering_times(plan: GuidancePlan, t: Floats) -> slice:
     return slice(0, int(count))
 
 
-def plan_of(card: VehicleAscent) -> GuidancePlan:
+def plan_ascent(card: VehicleAscent) -> GuidancePlan:
     """Return the guidance data of an ascent; InputError if its vehicle does not reach the target."""
     # Fields that do not change the solved nominal ascent
-    unused = {"named_times", "guidance", "cutoff", "dispersion", "control", "attitude_lag"}
-    nominal_plan = _cached_plan(card.model_dump_json(exclude=unused), card)
+    excluded_fields = {"named_times", "guidance", "cutoff", "dispersion", "control", "attitude_lag"}
+    nominal_plan = _cached_plan(card.model_dump_json(exclude=excluded_fields), card)
     return nominal_plan._replace(
         card=card,
         explicit=card.guidance in ("explicit", "schuler"),
         schuler=card.guidance == "schuler",
-        by_energy=card.cutoff == "energy",
+        has_energy_cutoff=card.cutoff == "energy",
         spreads=_spreads(card),
         lag=card.attitude_lag or 0.0,
     )
@@ -82,17 +82,17 @@ def _spreads(card: VehicleAscent) -> tuple[tuple[str, float], ...]:
     dispersion, spreads = card.dispersion, card.vehicle.dispersions
     if dispersion is None or spreads is None:
         return ()
-    dispersed = (*dispersion.drawn, *dispersion.sigmas)
-    return tuple((name, float(getattr(spreads, name))) for name in SOURCES if name in dispersed)
+    dispersed_sources = (*dispersion.drawn_sources, *dispersion.sigmas)
+    return tuple((name, float(getattr(spreads, name))) for name in SOURCES if name in dispersed_sources)
 
 
-@remembered(4)
+@result_cache(4)
 def _cached_plan(key: str, card: VehicleAscent) -> GuidancePlan:
     _, aim, flight = dispersed_ascent(card)
-    return plan_along(card, aim, flight)
+    return plan_solved_ascent(card, aim, flight)
 
 
-def plan_along(card: VehicleAscent, aim: TargetingUnknowns, flight: SimulatedAscent) -> GuidancePlan:
+def plan_solved_ascent(card: VehicleAscent, aim: TargetingUnknowns, flight: SimulatedAscent) -> GuidancePlan:
     """Return the guidance data of a solved ascent: attitude programme, target and cut-off.
 
     Parameters
@@ -108,11 +108,11 @@ def plan_along(card: VehicleAscent, aim: TargetingUnknowns, flight: SimulatedAsc
     last = next(leg for leg in reversed(flight.legs) if leg.t[-1] <= injection + 1e-9)
     cutoff_state = last.y[-1]
     r, v = cutoff_state[:3], cutoff_state[3:6]
-    entry = entry_of(card)
+    entry = injection_point(card)
     target = Target(
         radius=entry.radius,
         speed=entry.speed,
-        climb=entry.climb,
+        flight_path_angle=entry.climb,
         normal=unit(np.cross(r, v)),
         place=r.copy(),
     )

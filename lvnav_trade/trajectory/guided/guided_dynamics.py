@@ -6,14 +6,14 @@ from typing import NamedTuple
 import numpy as np
 
 from lvnav_trade.kernels.earth import GM, OMEGA, gravity_j4
-from lvnav_trade.kernels.jit import jit, making_arrays
+from lvnav_trade.kernels.jit import array_jit, jit
 from lvnav_trade.quantities.records import Floats
 from lvnav_trade.trajectory.ascent.equations_of_motion import (
     Drag,
     Propulsion,
     drag_factor,
+    engine_thrust,
     height_above,
-    thrust_of,
     unthrottled_thrust,
 )
 from lvnav_trade.trajectory.ascent.steering_law import smoothstep
@@ -65,16 +65,16 @@ class Wind(NamedTuple):
 class Cutoff(NamedTuple):
     """Conditions for the end of the last burn: the cut-off, or an empty stage.
 
-    by_energy : Whether the cut-off is at an energy; else it is at a time.
+    is_at_energy : Whether the cut-off is at an energy; otherwise it is at a time.
     energy : J/kg. Specific two-body energy of the navigated state at the cut-off.
     time : s since lift-off. Time of the cut-off.
-    empty : kg. Mass of the vehicle with an empty stage.
+    empty_mass : kg. Mass of the vehicle with an empty stage.
     """
 
-    by_energy: bool
+    is_at_energy: bool
     energy: float
     time: float
-    empty: float
+    empty_mass: float
 
 
 class GuidanceLaw(NamedTuple):
@@ -83,8 +83,8 @@ class GuidanceLaw(NamedTuple):
     start : s since lift-off. From then on it steers; infinite: never.
     slew : s. Time in which the command changes from the programme to its law.
     cycle : s. Interval of its passes.
-    freeze : s. Time to go below which its law is no longer updated.
-    exhaust : m/s. Exhaust speed as it is known before lift-off.
+    freeze_time : s. Time to go below which its law is no longer updated.
+    exhaust_speed : m/s. Exhaust speed as it is known before lift-off.
     target : State at the end of the burn.
     state : (N_LAW_STATE,). State of the law from pass to pass, see `steer`; updated.
     schuler : Whether it predicts gravity by the Schuler approximation.
@@ -93,8 +93,8 @@ class GuidanceLaw(NamedTuple):
     start: float
     slew: float
     cycle: float
-    freeze: float
-    exhaust: float
+    freeze_time: float
+    exhaust_speed: float
     target: Target
     state: Floats
     schuler: bool = False
@@ -135,7 +135,7 @@ def attitude_error_at(t: float, navigation: NavigationErrors) -> Vector:
     return error[0], error[1], error[2]
 
 
-@making_arrays
+@array_jit
 def error_at(t: float, navigation: NavigationErrors) -> Floats:
     """Return the navigation errors (9,) at a time (s)."""
     k = _entry_index(t, navigation)
@@ -147,18 +147,18 @@ def error_at(t: float, navigation: NavigationErrors) -> Floats:
 
 
 @jit
-def commanded(t: float, inputs: AscentInputs) -> Vector:
+def commanded_direction(t: float, inputs: AscentInputs) -> Vector:
     """Return the direction (frame i) of the thrust that guidance commands at a time (s)."""
     programme, law = inputs.programme, inputs.law
     last = programme.u.shape[0] - 1
     x = min(max(t / programme.step, 0.0), last - 1e-9)
     k = int(x)
     u, next_u = programme.u[k], programme.u[k + 1]
-    before = (u[0], u[1], u[2])
-    after = (next_u[0], next_u[1], next_u[2])
-    programmed = blend(x - k, before, after)
+    previous_u = (u[0], u[1], u[2])
+    following_u = (next_u[0], next_u[1], next_u[2])
+    programme_u = blend(x - k, previous_u, following_u)
     if law.state[STARTED] == 0.0:
-        return programmed
+        return programme_u
     state = law.state
     span = t - state[REFERENCE]
     # Linear-tangent law: lambda + lambda_dot (t - t_reference)
@@ -168,7 +168,7 @@ def commanded(t: float, inputs: AscentInputs) -> Vector:
         state[LAMBDA + 2] + span * state[TURN + 2],
     )
     weight = smoothstep((t - law.start) / law.slew)
-    return blend(weight, programmed, explicit)
+    return blend(weight, programme_u, explicit)
 
 
 @jit
@@ -177,7 +177,7 @@ def held_direction(t: float, inputs: AscentInputs) -> Vector:
 
     C_true = (1 + [error x]) C_estimated.
     """
-    u = commanded(t, inputs)
+    u = commanded_direction(t, inputs)
     error = attitude_error_at(t, inputs.navigation)
     return unit_vector(
         u[0] + error[1] * u[2] - error[2] * u[1],
@@ -187,7 +187,7 @@ def held_direction(t: float, inputs: AscentInputs) -> Vector:
 
 
 @jit
-def misaligned(u: Vector, r: Vector, misalignment: Floats) -> Vector:
+def misaligned_direction(u: Vector, r: Vector, misalignment: Floats) -> Vector:
     """Return the direction of the thrust of a body that points along u: turned down and to the right by (2,) rad."""
     down = misalignment[0]
     right = misalignment[1]
@@ -206,11 +206,11 @@ def misaligned(u: Vector, r: Vector, misalignment: Floats) -> Vector:
 @jit
 def thrust_direction(t: float, r: Vector, inputs: AscentInputs) -> Vector:
     """Return the true direction of the thrust of a body in its commanded attitude, with its misalignment."""
-    return misaligned(held_direction(t, inputs), r, inputs.misalignment)
+    return misaligned_direction(held_direction(t, inputs), r, inputs.misalignment)
 
 
 @jit
-def velocity_of_air(r: Vector, wind: Wind) -> Vector:
+def air_velocity(r: Vector, wind: Wind) -> Vector:
     """Return the velocity of the air over the ground, frame i."""
     x = height_above(r[0], r[1], r[2]) / wind.step
     last = wind.speed.shape[0] - 1
@@ -219,9 +219,9 @@ def velocity_of_air(r: Vector, wind: Wind) -> Vector:
     x = max(x, 0.0)
     k = int(x)
     weight = x - k
-    below, above = wind.speed[k], wind.speed[k + 1]
-    east = below[0] + weight * (above[0] - below[0])
-    north = below[1] + weight * (above[1] - below[1])
+    lower_speed, upper_speed = wind.speed[k], wind.speed[k + 1]
+    east = lower_speed[0] + weight * (upper_speed[0] - lower_speed[0])
+    north = lower_speed[1] + weight * (upper_speed[1] - lower_speed[1])
     # Unit vectors on a sphere: east (-y, x, 0) / axial, north (-z x / axial, -z y / axial, axial) / radius
     x_i, y_i, z_i = r[0], r[1], r[2]
     axial = math.sqrt(x_i * x_i + y_i * y_i)
@@ -236,21 +236,21 @@ def velocity_of_air(r: Vector, wind: Wind) -> Vector:
     )
 
 
-@making_arrays
+@array_jit
 def rates(t: float, y: Floats, engine: Propulsion, inputs: AscentInputs) -> Floats:
     """Return the time derivative of y (7 or 10,): inertial position (m), velocity (m/s), mass (kg), and with a lag the
     direction of the body.
     """
     r = (y[0], y[1], y[2])
-    wind = velocity_of_air(r, inputs.wind)
+    wind = air_velocity(r, inputs.wind)
     airspeed = (
         y[3] + OMEGA * r[1] - wind[0],
         y[4] - OMEGA * r[0] - wind[1],
         y[5] - wind[2],
     )
     drag_per_speed, pressure = drag_factor(r, airspeed, inputs.drag)
-    motor_thrust, motor_flow = unthrottled_thrust(t, pressure, engine.unthrottled)
-    thrust, throttle = thrust_of(y[6], pressure, engine, motor_thrust)
+    motor_thrust, motor_flow = unthrottled_thrust(t, pressure, engine.unthrottled_motors)
+    thrust, throttle = engine_thrust(y[6], pressure, engine, motor_thrust)
     thrust += motor_thrust
     gravity = gravity_j4(r[0], r[1], r[2])
     out = np.empty(y.size)
@@ -260,7 +260,7 @@ def rates(t: float, y: Floats, engine: Propulsion, inputs: AscentInputs) -> Floa
         body = (y[7], y[8], y[9])
         for i in range(3):
             out[7 + i] = (command[i] - body[i]) / inputs.lag
-        direction = misaligned(unit_vector(body[0], body[1], body[2]), r, inputs.misalignment)
+        direction = misaligned_direction(unit_vector(body[0], body[1], body[2]), r, inputs.misalignment)
     elif thrust > 0.0:
         direction = thrust_direction(t, r, inputs)
     for i in range(3):
@@ -270,7 +270,7 @@ def rates(t: float, y: Floats, engine: Propulsion, inputs: AscentInputs) -> Floa
     return out
 
 
-@making_arrays
+@array_jit
 def step(t: float, h: float, y: Floats, engine: Propulsion, inputs: AscentInputs) -> Floats:
     """Return y (7 or 10,) advanced by h with the classical Runge-Kutta step of fourth order."""
     half = 0.5 * h
@@ -284,7 +284,7 @@ def step(t: float, h: float, y: Floats, engine: Propulsion, inputs: AscentInputs
     return y + h / 6.0 * slope
 
 
-@making_arrays
+@array_jit
 def navigated_energy(t: float, y: Floats, navigation: NavigationErrors) -> float:
     """Return the specific energy (J/kg) of the navigated state, two-body."""
     error = error_at(t, navigation)
@@ -295,22 +295,25 @@ def navigated_energy(t: float, y: Floats, navigation: NavigationErrors) -> float
     return kinetic - GM / radius
 
 
-@making_arrays
-def fly_piece(t: float, end: float, most: float, y: Floats, engine: Propulsion, inputs: AscentInputs) -> Floats:
-    """Return the state (7 or 10,) after a piece from t to `end` without cut-off; most: s, the longest step."""
-    n_step = max(8, math.ceil((end - t) / most))
+@array_jit
+def fly_piece(t: float, end: float, longest_step: float, y: Floats, engine: Propulsion, inputs: AscentInputs) -> Floats:
+    """Return the state (7 or 10,) after a piece from t to `end` without cut-off, in at least eight steps.
+
+    longest_step : s. The longest step.
+    """
+    n_step = max(8, math.ceil((end - t) / longest_step))
     h = (end - t) / n_step
     for k in range(n_step):
         y = step(t + k * h, h, y, engine, inputs)
     return y
 
 
-@making_arrays
+@array_jit
 def guide(t: float, y: Floats, engine: Propulsion, inputs: AscentInputs) -> bool:
     """Update explicit guidance at a true state y (7,); return whether it converges."""
     law = inputs.law
     error = error_at(t, inputs.navigation)
-    is_frozen = law.state[STARTED] > 0.0 and law.state[TGO] < law.freeze
+    is_frozen = law.state[STARTED] > 0.0 and law.state[TGO] < law.freeze_time
     if t < law.start or is_frozen:
         return True
     slope = rates(t, y, engine, inputs)
@@ -321,23 +324,23 @@ def guide(t: float, y: Floats, engine: Propulsion, inputs: AscentInputs) -> bool
     specific_force = math.sqrt(force_x**2 + force_y**2 + force_z**2)
     navigated_r = y[:3] - error[6:9]
     navigated_v = y[3:6] - error[3:6]
-    return steer(law.state, t, navigated_r, navigated_v, specific_force, law.exhaust, law.target, law.schuler)
+    return steer(law.state, t, navigated_r, navigated_v, specific_force, law.exhaust_speed, law.target, law.schuler)
 
 
-@making_arrays
+@array_jit
 def _distance_to_end(t: float, h: float, y: Floats, inputs: AscentInputs, cutoff: Cutoff, end: int) -> float:
     """Return the distance of a state y (7,), h seconds after t, to the end of the burn; negative after it.
 
     end : CUT_OFF (distance in energy, J/kg, or time, s) or EMPTY (mass, kg).
     """
     if end == EMPTY:
-        return y[6] - cutoff.empty
-    if cutoff.by_energy:
+        return y[6] - cutoff.empty_mass
+    if cutoff.is_at_energy:
         return cutoff.energy - navigated_energy(t + h, y, inputs.navigation)
     return cutoff.time - t - h
 
 
-@making_arrays
+@array_jit
 def _step_to_end(
     t: float, h: float, y: Floats, engine: Propulsion, inputs: AscentInputs, cutoff: Cutoff
 ) -> tuple[float, Floats, int]:
@@ -350,17 +353,17 @@ def _step_to_end(
     state = step(t, h, y, engine, inputs)
     outcome = WHOLE
     for end in (CUT_OFF, EMPTY):
-        before = _distance_to_end(t, 0.0, y, inputs, cutoff, end)
-        after = _distance_to_end(t, length, state, inputs, cutoff, end)
-        if after > 0.0:
+        start_distance = _distance_to_end(t, 0.0, y, inputs, cutoff, end)
+        end_distance = _distance_to_end(t, length, state, inputs, cutoff, end)
+        if end_distance > 0.0:
             continue
-        trial_length = length * before / (before - after)
+        trial_length = length * start_distance / (start_distance - end_distance)
         for _ in range(_REFINED):
             trial = step(t, trial_length, y, engine, inputs)
-            after = _distance_to_end(t, trial_length, trial, inputs, cutoff, end)
-            if before == after:
+            end_distance = _distance_to_end(t, trial_length, trial, inputs, cutoff, end)
+            if start_distance == end_distance:
                 break
-            secant = trial_length * before / (before - after)
+            secant = trial_length * start_distance / (start_distance - end_distance)
             trial_length = min(length, max(0.0, secant))
         length = trial_length
         state = step(t, trial_length, y, engine, inputs)
@@ -368,14 +371,14 @@ def _step_to_end(
     return length, state, outcome
 
 
-@making_arrays
+@array_jit
 def fly_last(
-    t: float, end: float, most: float, y: Floats, engine: Propulsion, inputs: AscentInputs, cutoff: Cutoff
+    t: float, end: float, longest_step: float, y: Floats, engine: Propulsion, inputs: AscentInputs, cutoff: Cutoff
 ) -> tuple[float, Floats, int]:
     """Return time (s), state (7 or 10,) and reason at the end of a piece of the last burn.
 
     t, end : s since lift-off. Start, and latest end.
-    most : s. The longest step.
+    longest_step : s. The longest step.
 
     The reason is WHOLE, CUT_OFF, EMPTY or DIVERGED.
     """
@@ -386,7 +389,7 @@ def fly_last(
             if not guide(t, y, engine, inputs):
                 return t, y, DIVERGED
             next_pass = t + law.cycle
-        h, y, outcome = _step_to_end(t, min(most, end - t), y, engine, inputs, cutoff)
+        h, y, outcome = _step_to_end(t, min(longest_step, end - t), y, engine, inputs, cutoff)
         t += h
         if outcome != WHOLE:
             return t, y, outcome

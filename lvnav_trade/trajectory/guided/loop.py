@@ -7,7 +7,7 @@ are those of the flight, see `turning.py`.
 
 import numpy as np
 
-from lvnav_trade.kernels.jit import inlined, jit
+from lvnav_trade.kernels.jit import inline_jit, jit
 from lvnav_trade.kernels.random import normals, source_word
 from lvnav_trade.trajectory.guided.autopilot import (
     COAST,
@@ -24,12 +24,12 @@ from lvnav_trade.trajectory.guided.axis import (
     body_step,
     command_step,
     filter_gain,
-    gust_of,
+    gust_output,
     gust_step,
     lag_step,
     lateral_force,
     nozzle_step,
-    thruster_of,
+    thruster_sense,
 )
 from lvnav_trade.trajectory.guided.axis_state import (
     ANGLE_NOW,
@@ -76,13 +76,13 @@ _GUIDANCE_COMMAND = source_word("rotation guidance command")
 _ZERO = np.uint64(0)
 
 
-@inlined
+@inline_jit
 def _controller_angle(state, feed):
     """Return the attitude that the controller uses."""
     return state[ANGLE_NOW] if feed.attitude == IDEAL else state[NAVIGATED_ANGLE]
 
 
-@inlined
+@inline_jit
 def _capture(state, course, k, axis, feed):
     """Start the command at the vehicle's attitude and rate when a motor ignites; the state of the axis is updated.
 
@@ -98,7 +98,7 @@ def _capture(state, course, k, axis, feed):
     state[COMMANDED_RATE] = rate
 
 
-@inlined
+@inline_jit
 def _sense(state, course, k, axis, feed, noise, bound, first):
     """Return the rate (rad/s) fed to the controller; navigated attitude, rate estimate and its variance are updated.
 
@@ -111,11 +111,11 @@ def _sense(state, course, k, axis, feed, noise, bound, first):
     # A gyro measures the mean rate since the last tick.
     if first:
         mean_rate = course.rate[0, axis] + state[RATE_NOW]
-        turned = 0.0
+        rotation = 0.0
     else:
-        turned = state[ANGLE_NOW] - state[PREVIOUS_ANGLE]
+        rotation = state[ANGLE_NOW] - state[PREVIOUS_ANGLE]
         nominal_rate = 0.5 * (course.rate[k - 1, axis] + course.rate[k, axis])
-        mean_rate = nominal_rate + turned / dt
+        mean_rate = nominal_rate + rotation / dt
     error = state[BIAS] + noise
     measured_rate = mean_rate + error
     # The filter models the rate as a random walk, with the bound as its standard deviation per second.
@@ -124,7 +124,7 @@ def _sense(state, course, k, axis, feed, noise, bound, first):
     innovation = measured_rate - state[RATE_ESTIMATE]
     state[RATE_ESTIMATE] += gain * innovation
     if not first:
-        state[NAVIGATED_ANGLE] += turned + dt * error
+        state[NAVIGATED_ANGLE] += rotation + dt * error
     state[PREVIOUS_ANGLE] = state[ANGLE_NOW]
     if feed.rate == TRUE:
         state[FED_RATE] = course.rate[k, axis] + state[RATE_NOW]
@@ -135,7 +135,7 @@ def _sense(state, course, k, axis, feed, noise, bound, first):
     return state[FED_RATE]
 
 
-@inlined
+@inline_jit
 def _command(state, course, k, axis, settings, rate, dt, motor):
     """Return the thrusters' sense; the nozzle's command and the integral are updated in the state of the axis.
 
@@ -150,7 +150,7 @@ def _command(state, course, k, axis, settings, rate, dt, motor):
     if motor == 0:
         state[COMMAND_NOW] = 0.0
         switching_error = error + plant.lead * rate_error
-        return thruster_of(state[THRUSTER_SENSE], switching_error, plant.dead_band, plant.release)
+        return thruster_sense(state[THRUSTER_SENSE], switching_error, plant.dead_band, plant.release)
     gains = settings.law.gains[motor - 1]
     attitude_gain = gains[0]
     rate_gain = gains[1]
@@ -162,7 +162,7 @@ def _command(state, course, k, axis, settings, rate, dt, motor):
     return 0.0
 
 
-@inlined
+@inline_jit
 def move(control, forces, h):
     """Step nozzle and body of both axes over h seconds, at most a tick."""
     course, plant, motor = control.course, control.settings.plant, control.counts[MOTOR]
@@ -211,7 +211,7 @@ def move(control, forces, h):
         state[NOZZLE_TRAVEL] += abs(movement_in_step)
 
 
-@inlined
+@inline_jit
 def _lateral_specific_force(state, axis, forces):
     """Return the lateral specific force (m/s^2) at a tick."""
     crosswind = forces.wind[axis] + state[GUST_NOW] - forces.slip[axis]
@@ -228,7 +228,7 @@ def _lateral_specific_force(state, axis, forces):
     return lateral_force(state[ANGLE_NOW], 0.0, nozzle, coefficients)
 
 
-@inlined
+@inline_jit
 def _steer(control, forces, k, dt):
     """Set the targets of guidance, and step the commanded offsets and rates over the previous tick.
 
@@ -238,9 +238,9 @@ def _steer(control, forces, k, dt):
     motor = control.counts[MOTOR]
     memory = control.memory
     if law.guided_from > 0 and k % law.guidance_ticks == 0 and motor >= law.guided_from:
-        epoch = np.uint64(k)
-        speed_pitch, speed_yaw = draw_pair(control, _GUIDANCE_SPEED, epoch)
-        command_pitch, command_yaw = draw_pair(control, _GUIDANCE_COMMAND, epoch)
+        draw_index = np.uint64(k)
+        speed_pitch, speed_yaw = draw_pair(control, _GUIDANCE_SPEED, draw_index)
+        command_pitch, command_yaw = draw_pair(control, _GUIDANCE_COMMAND, draw_index)
         # A turn by speed / (thrust acceleration x time) removes a lateral speed within that time.
         scale = 1.0 / (forces.thrust_load * law.guidance_time)
         for axis in range(2):
@@ -257,15 +257,15 @@ def _steer(control, forces, k, dt):
             state[OFFSET], state[OFFSET_RATE] = command_step(offset, offset_rate, target, law.command_time, dt)
 
 
-@inlined
+@inline_jit
 def _update_reference(state, feed, draw):
     """Correct the navigated attitude by a measurement of the attitude reference."""
-    measured = state[ANGLE_NOW] + feed.reference * draw
-    innovation = measured - state[NAVIGATED_ANGLE]
+    measurement = state[ANGLE_NOW] + feed.reference * draw
+    innovation = measurement - state[NAVIGATED_ANGLE]
     state[NAVIGATED_ANGLE] += feed.reference_gain * innovation
 
 
-@inlined
+@inline_jit
 def tick(control, forces, tilt):
     """Sense, steer and command both axes at the next tick.
 
@@ -278,38 +278,38 @@ def tick(control, forces, tilt):
     count = control.counts
     feed = settings.feed
     envelope = settings.model
-    due = count[NEXT]
+    tick_index = count[NEXT]
     motor = count[MOTOR]
-    k = min(due, course.t.size - 1)  # a flight longer than the nominal flight keeps the last commanded attitude
+    k = min(tick_index, course.t.size - 1)  # a flight longer than the nominal flight keeps the last commanded attitude
     dt = course.t[1] - course.t[0]
-    epoch = np.uint64(due + 1)  # epoch 0 has the initial draws
-    just_ignited = count[JUST_IGNITED] == 1
+    epoch = np.uint64(tick_index + 1)  # epoch 0 has the initial draws
+    is_ignition_tick = count[JUST_IGNITED] == 1
     close(control)
     count[JUST_IGNITED] = 0
-    count[NEXT] = due + 1
+    count[NEXT] = tick_index + 1
     k0, k1, run = control.draws
     noise_pitch, noise_yaw = draw_pair(control, _GYRO_NOISE, epoch)
     g0, g1, g2, g3 = normals(k0, k1, GUSTS, run, epoch, _ZERO)
-    _steer(control, forces, due, dt)
+    _steer(control, forces, tick_index, dt)
     reference_pitch, reference_yaw = 0.0, 0.0
     uses_reference = feed.attitude == MODELLED and feed.reference_gain > 0.0
-    has_reference = uses_reference and due > 0 and due % feed.reference_ticks == 0
+    has_reference = uses_reference and tick_index > 0 and tick_index % feed.reference_ticks == 0
     if has_reference:
         reference_pitch, reference_yaw = draw_pair(control, _REFERENCE_NOISE, epoch)
     for axis in range(2):
         state = control.memory[axis]
         nominal_rate = course.rate[k, axis]
         first_draw, second_draw = (g0, g1) if axis == 0 else (g2, g3)
-        if due > 0:
+        if tick_index > 0:
             scaled_step = dt * forces.gust_rate
             state[GUST_1], state[GUST_2] = gust_step(state[GUST_1], state[GUST_2], scaled_step, first_draw, second_draw)
-        unit_gust = gust_of(state[GUST_1], state[GUST_2])
+        unit_gust = gust_output(state[GUST_1], state[GUST_2])
         state[GUST_NOW] = forces.gust * unit_gust
-        if just_ignited and motor > 0 and due > 0:
+        if is_ignition_tick and motor > 0 and tick_index > 0:
             _capture(state, course, k, axis, feed)
         # Envelope of commanded motion: response to the last commands, plus the unknown motion of the phase
-        unknown_turning = envelope.coast if course.phase[k] == COAST else envelope.burn
-        turning_bound = abs(state[TURN_LAG]) + unknown_turning
+        turning_margin = envelope.coast if course.phase[k] == COAST else envelope.burn
+        turning_bound = abs(state[TURN_LAG]) + turning_margin
         state[JERK_BOUND_NOW] = abs(state[JERK_LAG]) + envelope.lateral
         state[TURNING_BOUND_NOW] = turning_bound
         commanded_rate = nominal_rate + course.turn_rate[k, axis] + state[OFFSET_RATE]
@@ -319,7 +319,7 @@ def tick(control, forces, tilt):
         state[COMMANDED_RATE] = commanded_rate
         gyro_draw = noise_pitch if axis == 0 else noise_yaw
         noise = feed.gyro * gyro_draw
-        rate = _sense(state, course, k, axis, feed, noise, turning_bound, due == 0)
+        rate = _sense(state, course, k, axis, feed, noise, turning_bound, tick_index == 0)
         if has_reference:
             reference_draw = reference_pitch if axis == 0 else reference_yaw
             _update_reference(state, feed, reference_draw)
@@ -331,12 +331,12 @@ def tick(control, forces, tilt):
         jerk_drive = envelope.nozzle_gain * command_change / dt
         state[JERK_LAG] = lag_step(state[JERK_LAG], jerk_drive, envelope.nozzle_time, dt)
         force = _lateral_specific_force(state, axis, forces)
-        state[JERK_NOW] = (force - state[PREVIOUS_FORCE]) / dt if due > 0 else 0.0
+        state[JERK_NOW] = (force - state[PREVIOUS_FORCE]) / dt if tick_index > 0 else 0.0
         state[PREVIOUS_FORCE] = force
         state[ERROR_NOW] = state[ANGLE_NOW] - course.turn[k, axis] - state[OFFSET]
         state[RATE_ERROR_NOW] = rate - nominal_rate - state[RATE_NOW]
         state[PREVIOUS_RATE] = nominal_rate + state[RATE_NOW]
-        record(control, due, axis, rate_step, force, forces.wind[axis])
+        record(control, tick_index, axis, rate_step, force, forces.wind[axis])
 
 
 @jit

@@ -21,7 +21,7 @@ from lvnav_trade.trajectory.control_cards import (
     rate_noise,
 )
 from lvnav_trade.trajectory.guided import autopilot, axis_state, loop
-from lvnav_trade.trajectory.guided.course import SolvedAscent, course_along
+from lvnav_trade.trajectory.guided.course import SolvedAscent, ascent_course
 from lvnav_trade.trajectory.guided.draws import deviations
 from lvnav_trade.trajectory.guided.guided_dynamics import PERFECT, Wind
 from lvnav_trade.trajectory.guided.pilots import TurningPilot
@@ -102,7 +102,7 @@ def prepare_launch(
     for owner, name, entries in tables:
         if len(entries) != n_stage:
             raise InputError(f"{owner.name}: {len(entries)} {name}, {vehicle.name} has {n_stage} stages")
-    course = course_along(ascent, controller, envelope, imu.rate)
+    course = ascent_course(ascent, controller, envelope, imu.rate)
     return Launch(
         ascent=ascent,
         course=course,
@@ -114,7 +114,7 @@ def prepare_launch(
     )
 
 
-def launch_along(ascent: SolvedAscent, card: SteeredCard) -> Launch:
+def steered_launch(ascent: SolvedAscent, card: SteeredCard) -> Launch:
     """Return the launch of an ascent that a card steers."""
     return prepare_launch(
         ascent,
@@ -126,7 +126,7 @@ def launch_along(ascent: SolvedAscent, card: SteeredCard) -> Launch:
     )
 
 
-def with_rate_gain(launch: Launch, factor: float) -> Launch:
+def scale_rate_gain(launch: Launch, factor: float) -> Launch:
     """Return the launch with the rate gain of every stage times a factor."""
     gains = tuple(stage.model_copy(update={"rate": stage.rate * factor}) for stage in launch.controller.gains)
     controller = launch.controller.model_copy(update={"gains": gains})
@@ -134,7 +134,7 @@ def with_rate_gain(launch: Launch, factor: float) -> Launch:
 
 
 def fly_missions(
-    launch: Launch, feedback: FeedbackCard, runs: int, seed: int = 1, every: int = 200, first_run: int = 0
+    launch: Launch, feedback: FeedbackCard, runs: int, seed: int = 1, record_interval: int = 200, first_run: int = 0
 ) -> Missions:
     """Return runs of a launch.
 
@@ -150,25 +150,25 @@ def fly_missions(
         Number of runs.
     seed : int
         Seed of the draws.
-    every : int
+    record_interval : int
         Number of ticks between records.
     first_run : int
         Number of the first run.
     """
     n_tick = launch.course.t.size - 1
-    n_record = (n_tick - 1) // every + 1
+    n_record = (n_tick - 1) // record_interval + 1
     history = np.zeros((runs, n_record, 2, autopilot.N_RECORD))
     sums = np.zeros((runs, 2, autopilot.N_PHASE, autopilot.N_SUM))
     movement = np.empty((runs, 2))
     for n in range(runs):
         draws = autopilot.DrawKeys(*seed_words(seed), np.uint64(first_run + n))
-        pilot = fly_mission(launch, feedback, draws, every)
+        pilot = fly_mission(launch, feedback, draws, record_interval)
         control = pilot.turning.control
         history[n] = control.history
         sums[n] = control.sums
         movement[n] = loop.movement(control)
     return Missions(
-        t=launch.course.t[:n_tick:every],
+        t=launch.course.t[:n_tick:record_interval],
         history=history,
         movement=movement,
         sums=sums,
@@ -176,29 +176,29 @@ def fly_missions(
 
 
 def fly_mission(
-    launch: Launch, feedback: FeedbackCard, draws: autopilot.DrawKeys, every: int, path: bool = False
+    launch: Launch, feedback: FeedbackCard, draws: autopilot.DrawKeys, record_interval: int, path: bool = False
 ) -> TurningPilot:
     """Return the pilot after one simulated run.
 
-    every : number of ticks between records
+    record_interval : number of ticks between records
     path : whether the state at every tick is recorded
     """
     ascent = launch.ascent
-    turning = turning_of(launch, feedback, draws, every, path)
+    turning = attitude_control(launch, feedback, draws, record_interval, path)
     nominal = deviations(ascent.plan.card, {})
-    wind = wind_of_launch(launch, draws, nominal.wind)
+    wind = launch_wind(launch, draws, nominal.wind)
     pilot = TurningPilot(ascent.plan, ascent.card, nominal._replace(wind=wind), PERFECT, turning)
     pilot.fly_nominal()
     return pilot
 
 
-def turning_of(
+def attitude_control(
     launch: Launch,
     feedback: FeedbackCard,
     draws: autopilot.DrawKeys,
-    every: int = _ONCE,
+    record_interval: int = _ONCE,
     path: bool = False,
-    by_run: bool = False,
+    uses_run_navigation: bool = False,
     density: float = 1.0,
 ) -> AttitudeControl:
     """Return attitude control, body and gusts of one run of a launch.
@@ -208,14 +208,14 @@ def turning_of(
     launch : Launch
     feedback : Rate, attitude and noise that feed the controller.
     draws : Keys of the draws of the run.
-    every : Ticks from record to record.
+    record_interval : Ticks from record to record.
     path : Whether the true state at every tick is recorded.
-    by_run : Whether the controller uses the navigation of the run; otherwise it has separate navigation.
+    uses_run_navigation : Whether the controller uses the navigation of the run; otherwise it has separate navigation.
     density : Factor on the density of the air.
     """
-    control = control_of(launch, feedback, draws, every)
+    control = controlled_attitude(launch, feedback, draws, record_interval)
     feed, rotation = control.settings.feed, launch.rotation
-    if by_run and feed.attitude == autopilot.MODELLED:
+    if uses_run_navigation and feed.attitude == autopilot.MODELLED:
         feed = feed._replace(attitude=autopilot.OF_THE_RUN)
         control = control._replace(settings=control.settings._replace(feed=feed))
     craft = RotationalModel(
@@ -243,14 +243,14 @@ def _stack_row(stack: Stack) -> tuple[float, float, float, float]:
     )
 
 
-def control_of(
-    launch: Launch, feedback: FeedbackCard, draws: autopilot.DrawKeys, every: int = _ONCE
+def controlled_attitude(
+    launch: Launch, feedback: FeedbackCard, draws: autopilot.DrawKeys, record_interval: int = _ONCE
 ) -> autopilot.ControlledAttitude:
     """Return the controlled attitude of one run at lift-off.
 
-    every : number of ticks between records
+    record_interval : number of ticks between records
     """
-    n_record = (launch.course.t.size - 2) // every + 1
+    n_record = (launch.course.t.size - 2) // record_interval + 1
     envelope_fields = {name: getattr(launch.envelope, name) for name in autopilot.CommandedEnvelope._fields}
     settings = autopilot.AutopilotSettings(
         plant=_plant(launch.rotation),
@@ -264,7 +264,7 @@ def control_of(
         draws=draws,
         memory=np.zeros((2, axis_state.N_MEMORY)),
         counts=np.zeros(autopilot.N_COUNT, dtype=np.int64),
-        every=every,
+        record_interval=record_interval,
         history=np.zeros((n_record, 2, autopilot.N_RECORD)),
         sums=np.zeros((2, autopilot.N_PHASE, autopilot.N_SUM)),
     )
@@ -290,7 +290,7 @@ def _gusts(card: WindCard) -> Gusts:
     )
 
 
-def wind_of_launch(launch: Launch, draws: autopilot.DrawKeys, further: Wind) -> Wind:
+def launch_wind(launch: Launch, draws: autopilot.DrawKeys, further_wind: Wind) -> Wind:
     """Return the steady wind of a run: that of its card, drawn along and across its direction, plus a further wind.
 
     Parameters
@@ -299,13 +299,13 @@ def wind_of_launch(launch: Launch, draws: autopilot.DrawKeys, further: Wind) -> 
         Launch with the wind card.
     draws : DrawKeys
         Keys of the random draws of the run.
-    further : Wind
+    further_wind : Wind
         Wind that is added; zero above its heights.
     """
     card = launch.wind
     draw_along, draw_across = axis_state.profile_draws(draws)
-    n_further = len(further.speed)
-    further_top = further.step * (n_further - 1)
+    n_further = len(further_wind.speed)
+    further_top = further_wind.step * (n_further - 1)
     top = max(card.height[-1], further_top)
     height = np.arange(0.0, top + _AIR_STEP, _AIR_STEP)
     profile = np.interp(height, card.height, card.speed, right=0.0)
@@ -318,8 +318,8 @@ def wind_of_launch(launch: Launch, draws: autopilot.DrawKeys, further: Wind) -> 
     north = -cosine * along + sine * across
     speed = np.outer(profile, [east, north])
     if n_further > 1:
-        further_height = further.step * np.arange(n_further)
-        components = [np.interp(height, further_height, component, right=0.0) for component in further.speed.T]
+        further_height = further_wind.step * np.arange(n_further)
+        components = [np.interp(height, further_height, component, right=0.0) for component in further_wind.speed.T]
         speed += np.stack(components, axis=1)
     return Wind(_AIR_STEP, speed)
 

@@ -14,7 +14,7 @@ VECTOR = [ORBIT.index(name) for name in ("eccentricity_along_node", "eccentricit
 NODE = ORBIT.index("node")
 
 
-def orbit_of(y: Floats) -> Floats:
+def osculating_orbit(y: Floats) -> Floats:
     """Return the numbers of `ORBIT` of the osculating orbits of states y (n, 6 or more), (n, n_orbit)."""
     elements = elements_from_state(y[:, :3], y[:, 3:6])
     a, e = elements.semi_major_axis, elements.eccentricity
@@ -43,7 +43,7 @@ def orbit_difference(first: Floats, second: Floats) -> Floats:
     return np.asarray(difference)
 
 
-def with_apsides(change: Floats, target: Floats) -> Floats:
+def append_apsides(change: Floats, target: Floats) -> Floats:
     """Return small changes (n, n_orbit or more) of an orbit with those of perigee and apogee as they follow from axis
     and eccentricity vector; NaN of a circular orbit, which has no derivative of them.
 
@@ -66,8 +66,8 @@ def orbit_derivative(y: Floats, target: Floats) -> Floats:
     """Return the derivative (n_orbit, 6) of an orbit by position and velocity."""
     steps = MOTION_STEPS[:6]
     moves = np.diag(steps)
-    high = orbit_of(y[:6] + moves)
-    low = orbit_of(y[:6] - moves)
-    change = with_apsides(orbit_difference(high, low), target)
+    high = osculating_orbit(y[:6] + moves)
+    low = osculating_orbit(y[:6] - moves)
+    change = append_apsides(orbit_difference(high, low), target)
     derivative = change / (2.0 * steps[:, None])
     return np.asarray(derivative.T)

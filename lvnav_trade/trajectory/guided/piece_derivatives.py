@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lvnav_trade.kernels.jit import making_arrays
+from lvnav_trade.kernels.jit import array_jit
 from lvnav_trade.quantities.records import Floats
 from lvnav_trade.trajectory.ascent.equations_of_motion import Propulsion, height_above
 from lvnav_trade.trajectory.guided.draws import WIND_TOP
@@ -34,7 +34,7 @@ class Piece(NamedTuple):
     longest : s. Longest step of integration.
     engine : Propulsion.
     inputs : Navigation errors, wind and other inputs.
-    steers : Whether explicit guidance steers it, with a pass at its start.
+    is_guided : Whether explicit guidance steers it, with a pass at its start.
     """
 
     begin: float
@@ -44,10 +44,10 @@ class Piece(NamedTuple):
     longest: float
     engine: Propulsion
     inputs: AscentInputs
-    steers: bool
+    is_guided: bool
 
 
-@making_arrays
+@array_jit
 def guidance_pass(piece: Piece, y: Floats, law_state: Floats) -> Floats:
     """Return the state of guidance (N_LAW_STATE,) after its pass at the start of a piece.
 
@@ -56,12 +56,12 @@ def guidance_pass(piece: Piece, y: Floats, law_state: Floats) -> Floats:
     """
     law = piece.inputs.law
     law.state[:] = law_state
-    if piece.steers:
+    if piece.is_guided:
         guide(piece.begin, y, piece.engine, piece.inputs)
     return law.state.copy()
 
 
-@making_arrays
+@array_jit
 def final_state(piece: Piece, y: Floats, law_state: Floats) -> Floats:
     """Return the state (n_motion,) at the end of a piece.
 
@@ -78,7 +78,7 @@ def final_state(piece: Piece, y: Floats, law_state: Floats) -> Floats:
     return y
 
 
-@making_arrays
+@array_jit
 def _motion_step(y: Floats, k: int) -> float:
     """Return the step of number k of a state."""
     if k == MASS:
@@ -86,7 +86,7 @@ def _motion_step(y: Floats, k: int) -> float:
     return MOTION_STEPS[k]
 
 
-@making_arrays
+@array_jit
 def pass_derivatives(piece: Piece, entry: int) -> tuple[Floats, Floats]:
     """Return the derivatives of the state of guidance after the pass at the start of a piece.
 
@@ -138,7 +138,7 @@ def pass_derivatives(piece: Piece, entry: int) -> tuple[Floats, Floats]:
     return by_state, by_error
 
 
-@making_arrays
+@array_jit
 def state_derivatives(piece: Piece, law_state: Floats) -> Floats:
     """Return the derivative (n_motion, n_motion + N_LAW_STATE) of the final state of a piece.
 
@@ -156,7 +156,7 @@ def state_derivatives(piece: Piece, law_state: Floats) -> Floats:
         low = final_state(piece, y, law_state)
         derivative[:, k] = (high - low) / (2.0 * size)
         y[k] = nominal
-    for k in _STEERING if piece.steers else _STEERING[:0]:
+    for k in _STEERING if piece.is_guided else _STEERING[:0]:
         nominal = law_state[k]
         size = _LAW_STEPS[k]
         law_state[k] = nominal + size
@@ -168,7 +168,7 @@ def state_derivatives(piece: Piece, law_state: Floats) -> Floats:
     return derivative
 
 
-@making_arrays
+@array_jit
 def table_derivatives(piece: Piece, law_state: Floats, table: Floats, rows: tuple[int, int], steps: Floats) -> Floats:
     """Return the derivative (n_row, n_column, n_motion) of the final state of a piece by a table among its inputs.
 
@@ -199,10 +199,10 @@ def table_derivatives(piece: Piece, law_state: Floats, table: Floats, rows: tupl
     return derivative
 
 
-def turns_body(piece: Piece) -> bool:
+def has_attitude_effect(piece: Piece) -> bool:
     """Return whether an attitude error changes the motion: under thrust, and with a lag in coasts as well."""
     engine = piece.engine
-    return engine.thrust > 0.0 or engine.unthrottled.thrust > 0.0 or piece.inputs.lag > 0.0
+    return engine.thrust > 0.0 or engine.unthrottled_motors.thrust > 0.0 or piece.inputs.lag > 0.0
 
 
 def wind_rows(piece: Piece, law_state: Floats) -> tuple[int, int] | None:

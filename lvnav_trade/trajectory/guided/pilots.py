@@ -22,7 +22,7 @@ from lvnav_trade.trajectory.guided.guided_dynamics import (
     Cutoff,
     GuidanceLaw,
     NavigationErrors,
-    commanded,
+    commanded_direction,
     fly_last,
     fly_piece,
 )
@@ -55,8 +55,8 @@ class GuidedPilot(Pilot):
             start=math.inf,
             slew=plan.card.slew,
             cycle=_CYCLE,
-            freeze=_FREEZE,
-            exhaust=plan.card.vehicle.stages[-1].exhaust_speed,
+            freeze_time=_FREEZE,
+            exhaust_speed=plan.card.vehicle.stages[-1].exhaust_speed,
             target=plan.target,
             state=np.zeros(N_LAW_STATE),
             schuler=plan.schuler,
@@ -72,7 +72,7 @@ class GuidedPilot(Pilot):
         )
         self.longest = STEP
         if plan.lag > 0.0:
-            self.y = np.append(self.y, commanded(0.0, self.inputs))
+            self.y = np.append(self.y, commanded_direction(0.0, self.inputs))
             self.longest = min(STEP, _LAG_STEP * plan.lag)
 
     def leg(self, name: str, duration: float, engine: Propulsion = COASTING) -> None:
@@ -96,13 +96,13 @@ class GuidedPilot(Pilot):
     def push(self, speed: float) -> None:
         """Add a speed (m/s) along the thrust."""
         if speed != 0.0:
-            direction = np.array(commanded(self.t, self.inputs))
+            direction = np.array(commanded_direction(self.t, self.inputs))
             self.y[3:6] += speed * direction
 
     def last_burn(self) -> str:
         """Simulate the last stage to its cut-off; return the outcome."""
         card, plan = self.card, self.plan
-        number, vehicle = card.inserting, card.vehicle
+        number, vehicle = card.insertion_stage, card.vehicle
         self.ignite_after(number)
         if plan.explicit:
             law = self.inputs.law._replace(start=self.t)
@@ -110,21 +110,21 @@ class GuidedPilot(Pilot):
         stage = vehicle.stages[number - 1]
         ignition = self.t
         cutoff = Cutoff(
-            by_energy=plan.by_energy,
+            is_at_energy=plan.has_energy_cutoff,
             energy=plan.energy,
             time=plan.cutoff,
-            empty=self.y[6] - stage.propellant,
+            empty_mass=self.y[6] - stage.propellant,
         )
         for cut in [*cuts(vehicle, number), None]:
-            burn_time = cut.after if cut is not None else _LONGEST * stage.full_burn
+            burn_time = cut.time_from_ignition if cut is not None else _LONGEST * stage.full_burn
             end = ignition + burn_time
             push = engine(vehicle, number, ignition, self.t, end)
             reason = self.burn_until(end, push, cutoff)
             if reason in _OUTCOMES:
                 return _OUTCOMES[reason]
             if cut is not None:
-                self.y[6] -= cut.drop
-                cutoff = cutoff._replace(empty=cutoff.empty - cut.drop)
+                self.y[6] -= cut.dropped_mass
+                cutoff = cutoff._replace(empty_mass=cutoff.empty_mass - cut.dropped_mass)
         return DEPLETED
 
     def burn_until(self, end: float, push: Propulsion, cutoff: Cutoff) -> int:
@@ -138,7 +138,7 @@ class GuidedPilot(Pilot):
 
     def fly(self) -> str:
         """Simulate the ascent from lift-off to the end of the last burn; return the outcome."""
-        for number in range(1, self.card.inserting):
+        for number in range(1, self.card.insertion_stage):
             self.stage(number)
         return self.last_burn()
 
@@ -210,10 +210,10 @@ class TurningPilot(GuidedPilot):
         self.turning.control.counts[STACK] = number
         super().ignite_after(number)
 
-    def burn(self, number: int, duration: float | None, again: bool = False) -> None:
+    def burn(self, number: int, duration: float | None, is_second: bool = False) -> None:
         """Burn a stage, which is then the lowest; the arguments are those of `Pilot.burn` of `ascent.legs`."""
         self.turning.control.counts[STACK] = number
-        super().burn(number, duration, again)
+        super().burn(number, duration, is_second)
 
     def burn_until(self, end: float, push: Propulsion, cutoff: Cutoff) -> int:
         """Simulate a piece of the last burn, tick by tick; see `GuidedPilot.burn_until`."""
@@ -221,9 +221,9 @@ class TurningPilot(GuidedPilot):
 
     def fly_nominal(self) -> None:
         """Simulate the ascent to the end of the final coast, with the burn times of the nominal ascent."""
-        for number in range(1, self.card.inserting):
+        for number in range(1, self.card.insertion_stage):
             self.stage(number)
-        self.into_orbit()
+        self.simulate_insertion()
         self.events["injection"] = self.t
         self.events.pop("stage1_ignition")  # it is the lift-off
         self.leg("final coast", self.card.coast_after_injection)

@@ -13,15 +13,15 @@ from typing import NamedTuple
 import numpy as np
 
 from lvnav_trade.kernels.earth import GM
-from lvnav_trade.quantities.reads import remembered
+from lvnav_trade.quantities.reads import result_cache
 from lvnav_trade.quantities.records import INJECTION, ORBIT, Floats
 from lvnav_trade.trajectory.ascent.equations_of_motion import Propulsion
 from lvnav_trade.trajectory.ascent.legs import COASTING
 from lvnav_trade.trajectory.ascent.vehicle_cards import VehicleAscent
 from lvnav_trade.trajectory.guided.ascent_runs import Injection, empty_mass, inject
-from lvnav_trade.trajectory.guided.draws import NO_RUN, Sigmas, deviations, draw, numbers, vehicle_of, wind_of
+from lvnav_trade.trajectory.guided.draws import NO_RUN, Sigmas, deviations, draw, numbers, run_vehicle, run_wind
 from lvnav_trade.trajectory.guided.explicit import N_LAW_STATE
-from lvnav_trade.trajectory.guided.guidance_plan import GuidancePlan, plan_of
+from lvnav_trade.trajectory.guided.guidance_plan import GuidancePlan, plan_ascent
 from lvnav_trade.trajectory.guided.guided_dynamics import (
     WHOLE,
     Cutoff,
@@ -29,17 +29,22 @@ from lvnav_trade.trajectory.guided.guided_dynamics import (
     fly_last,
     rates,
 )
-from lvnav_trade.trajectory.guided.orbit_numbers import orbit_derivative, orbit_difference, orbit_of, with_apsides
+from lvnav_trade.trajectory.guided.orbit_numbers import (
+    append_apsides,
+    orbit_derivative,
+    orbit_difference,
+    osculating_orbit,
+)
 from lvnav_trade.trajectory.guided.piece_derivatives import (
     ERROR_STEPS,
     MASS,
     Piece,
     final_state,
     guidance_pass,
+    has_attitude_effect,
     pass_derivatives,
     state_derivatives,
     table_derivatives,
-    turns_body,
     wind_rows,
 )
 from lvnav_trade.trajectory.guided.pilots import INJECTED, GuidedPilot
@@ -52,7 +57,7 @@ _WIND_STEP = 1.0  # m/s, of the central differences
 class InjectionSensitivity(NamedTuple):
     """First-order change of an injection.
 
-    why : Reason why there is none; empty otherwise.
+    reason : Reason why there is none; empty otherwise.
     reference : (n_number,). Numbers of `INJECTION` of the reference flight, SI.
     target : (n_orbit,). The target orbit, SI.
     navigation : (n_t, n_number, 9). Change by a navigation error at each of the times: attitude (rad), velocity (m/s)
@@ -62,7 +67,7 @@ class InjectionSensitivity(NamedTuple):
     curvature : (n_draw, n_number). Second-order change by one sigma of each draw but those of the wind.
     """
 
-    why: str = ""
+    reason: str = ""
     reference: Floats = np.zeros(0)
     target: Floats = np.zeros(0)
     navigation: Floats = np.zeros((0, 0, 9))
@@ -75,7 +80,7 @@ class _ReferencePilot(GuidedPilot):
     """Pilot of the reference flight, which records its pieces."""
 
     def __init__(self, plan: GuidancePlan, sigmas: Sigmas, navigation: NavigationErrors) -> None:
-        vehicle = vehicle_of(plan.card, sigmas)
+        vehicle = run_vehicle(plan.card, sigmas)
         super().__init__(plan, vehicle, deviations(plan.card, sigmas), navigation)
         self.pieces: list[Piece] = []
 
@@ -100,12 +105,12 @@ class _ReferencePilot(GuidedPilot):
             self.pieces[-1] = self.pieces[-1]._replace(end=self.t)
         return outcome
 
-    def _record(self, begin: float, end: float, push: Propulsion, steers: bool = False) -> Piece:
+    def _record(self, begin: float, end: float, push: Propulsion, is_guided: bool = False) -> Piece:
         """Append the piece that begins at the present state, and return it.
 
         begin, end : s since lift-off
         push : propulsion of the piece
-        steers : whether explicit guidance steers it
+        is_guided : whether explicit guidance steers it
         """
         piece = Piece(
             begin=begin,
@@ -115,7 +120,7 @@ class _ReferencePilot(GuidedPilot):
             longest=self.longest,
             engine=push,
             inputs=self.inputs,
-            steers=steers,
+            is_guided=is_guided,
         )
         self.pieces.append(piece)
         return piece
@@ -124,13 +129,13 @@ class _ReferencePilot(GuidedPilot):
 class _CutoffDerivatives(NamedTuple):
     """Derivatives of an injection at the nominal time of the cut-off.
 
-    by_state : (n_number, n_motion). By the true state.
-    by_error : (n_number, 9). By the navigation error.
+    state_derivative : (n_number, n_motion). Derivative by the true state.
+    error_derivative : (n_number, 9). Derivative by the navigation error.
     knowledge : (n_orbit, 9). Of the achieved orbit less the navigated one, by the navigation error.
     """
 
-    by_state: Floats
-    by_error: Floats
+    state_derivative: Floats
+    error_derivative: Floats
     knowledge: Floats
 
 
@@ -146,46 +151,46 @@ def sensitivity(plan: GuidancePlan, t: Floats) -> InjectionSensitivity:
     return _cached_sensitivity((content, t.tobytes()), plan.card)
 
 
-@remembered(4)
+@result_cache(4)
 def _cached_sensitivity(key: tuple[str, bytes], card: VehicleAscent) -> InjectionSensitivity:
     """Return the derivatives of the injection; `key`: the card, and the times (s) as bytes."""
     if card.control is not None:
         return InjectionSensitivity("a vehicle under attitude control has draws and limits of its own, ask for runs")
-    plan, t = plan_of(card), np.frombuffer(key[1]).copy()
-    fixed = draw(card, 0, NO_RUN)
-    target = orbit_of(plan.nominal[None])[0]
+    plan, t = plan_ascent(card), np.frombuffer(key[1]).copy()
+    fixed_draws = draw(card, 0, NO_RUN)
+    target = osculating_orbit(plan.nominal[None])[0]
     sources = _dispersed_sources(plan)
     # with draws of the wind, its table is one in which a gust can be changed
     still_air = {"wind": np.zeros(numbers(card)["wind"])} if "wind" in sources else {}
     no_errors = NavigationErrors(t, np.zeros((t.size, ERROR_STEPS.size)))
-    pilot = _ReferencePilot(plan, still_air | fixed, no_errors)
+    pilot = _ReferencePilot(plan, still_air | fixed_draws, no_errors)
     outcome = pilot.fly()
     if outcome != INJECTED:
         return InjectionSensitivity(f"the reference flight, without draws and navigation errors, ends as {outcome!r}")
     # the state at cut-off, before the thrust decays
     cutoff_state = pilot.y.copy()
-    at_cutoff = _cutoff_derivatives(pilot, cutoff_state, target)
-    navigation, gusts = _propagate_back(pilot.pieces, at_cutoff, t)
+    cutoff_derivatives = _cutoff_derivatives(pilot, cutoff_state, target)
+    navigation, gusts = _propagate_back(pilot.pieces, cutoff_derivatives, t)
     propellant = pilot.y[MASS] - empty_mass(pilot.card)
-    reference = np.append(orbit_of(pilot.y[None])[0], [pilot.t, propellant])
+    reference = np.append(osculating_orbit(pilot.y[None])[0], [pilot.t, propellant])
     vehicle = list[tuple[str, Floats]]()
     curvature = [np.zeros((0, len(INJECTION)))]
     for name in sources:
         if name == "wind":
             vehicle.append((name, _wind_changes(card, gusts)))
             continue
-        ends = _inject_both_sides(plan, fixed, name)
+        ends = _inject_both_sides(plan, fixed_draws, name)
         if isinstance(ends, str):
             return InjectionSensitivity(ends)
         high = _changes(ends[0], reference)
         low = _changes(ends[1], reference)
-        vehicle.append((name, with_apsides(0.5 * (high - low), target)))
+        vehicle.append((name, append_apsides(0.5 * (high - low), target)))
         curvature.append(0.5 * (high + low))
     return InjectionSensitivity(
         reference=reference,
         target=target,
-        navigation=navigation + _spread_over_times(t, pilot.t, at_cutoff.by_error),
-        knowledge=_spread_over_times(t, pilot.t, at_cutoff.knowledge),
+        navigation=navigation + _spread_over_times(t, pilot.t, cutoff_derivatives.error_derivative),
+        knowledge=_spread_over_times(t, pilot.t, cutoff_derivatives.knowledge),
         vehicle=tuple(vehicle),
         curvature=np.concatenate(curvature),
     )
@@ -196,7 +201,7 @@ def _dispersed_sources(plan: GuidancePlan) -> list[str]:
     dispersion = plan.card.dispersion
     if dispersion is None:
         return []
-    return [name for name, sigma in plan.spreads if name in dispersion.drawn and sigma > 0.0]
+    return [name for name, sigma in plan.spreads if name in dispersion.drawn_sources and sigma > 0.0]
 
 
 def _cutoff_derivatives(pilot: _ReferencePilot, y: Floats, target: Floats) -> _CutoffDerivatives:
@@ -210,7 +215,7 @@ def _cutoff_derivatives(pilot: _ReferencePilot, y: Floats, target: Floats) -> _C
     slope = rates(pilot.t, y, last.engine, last.inputs)
     # Delay of the cut-off (s) by the navigated position and velocity: -(dE/dx) / (dE/dt), with E = v^2 / 2 - GM / r
     delay = np.zeros(6)
-    if pilot.plan.by_energy:
+    if pilot.plan.has_energy_cutoff:
         r, v = y[:3], y[3:6]
         energy_gradient = np.concatenate([GM / np.linalg.norm(r) ** 3 * r, v])
         energy_rate = energy_gradient @ slope[:6]
@@ -230,13 +235,13 @@ def _cutoff_derivatives(pilot: _ReferencePilot, y: Floats, target: Floats) -> _C
     no_attitude = np.zeros((len(ORBIT), 3))
     knowledge = np.concatenate([no_attitude, orbit_by_v, orbit_by_r], axis=1)
     return _CutoffDerivatives(
-        by_state=by_state,
-        by_error=-np.outer(by_delay, delay_by_error),
+        state_derivative=by_state,
+        error_derivative=-np.outer(by_delay, delay_by_error),
         knowledge=knowledge,
     )
 
 
-def _propagate_back(pieces: list[Piece], at_cutoff: _CutoffDerivatives, t: Floats) -> tuple[Floats, Floats]:
+def _propagate_back(pieces: list[Piece], cutoff_derivatives: _CutoffDerivatives, t: Floats) -> tuple[Floats, Floats]:
     """Return the derivatives of an injection by navigation errors before the cut-off and by the wind.
 
     The chain rule is applied from the last piece to the first: the derivative by the state at the end of a piece, times
@@ -246,7 +251,7 @@ def _propagate_back(pieces: list[Piece], at_cutoff: _CutoffDerivatives, t: Float
     ----------
     pieces : list of Piece
         Pieces of the reference flight, in order.
-    at_cutoff : _CutoffDerivatives
+    cutoff_derivatives : _CutoffDerivatives
         Derivatives at the cut-off.
     t : (n_t,) s
         Times of the navigation errors, since lift-off.
@@ -259,9 +264,9 @@ def _propagate_back(pieces: list[Piece], at_cutoff: _CutoffDerivatives, t: Float
         By the wind (m/s) at the heights of its table; zero at heights that the flight does not pass.
     """
     n_number = len(INJECTION)
-    n_motion = at_cutoff.by_state.shape[1]
+    n_motion = cutoff_derivatives.state_derivative.shape[1]
     by_end = np.zeros((n_number, n_motion + N_LAW_STATE))  # by motion and state of guidance
-    by_end[:, :n_motion] = at_cutoff.by_state
+    by_end[:, :n_motion] = cutoff_derivatives.state_derivative
     navigation = np.zeros((t.size, n_number, ERROR_STEPS.size))
     wind_shape = pieces[0].inputs.wind.speed.shape
     gusts = np.zeros((*wind_shape, n_number))
@@ -273,7 +278,7 @@ def _propagate_back(pieces: list[Piece], at_cutoff: _CutoffDerivatives, t: Float
         end_by_motion = derivatives[:, :n_motion]
         end_by_law = derivatives[:, n_motion:]
         entry = _entry_index(t, piece.begin)
-        if turns_body(piece):
+        if has_attitude_effect(piece):
             last_entry = _entry_index(t, piece.end + 1e-9)  # a step reads the error at its end too
             error = piece.inputs.navigation.error
             by_tilt = table_derivatives(piece, law_state, error, (entry, last_entry), ERROR_STEPS[:3])
@@ -287,7 +292,7 @@ def _propagate_back(pieces: list[Piece], at_cutoff: _CutoffDerivatives, t: Float
             gusts[first : last + 1] += np.einsum("kes,ns->ken", by_wind, by_motion)
         by_begin = np.zeros_like(by_end)
         by_begin[:, :n_motion] = by_motion @ end_by_motion
-        if piece.steers:
+        if piece.is_guided:
             by_pass = by_law + by_motion @ end_by_law
             pass_by_state, pass_by_error = pass_derivatives(piece, entry)
             by_begin += by_pass @ pass_by_state
@@ -324,7 +329,9 @@ def _spread_over_times(t: Floats, time: float, by_error: Floats) -> Floats:
     return derivative
 
 
-def _inject_both_sides(plan: GuidancePlan, fixed: Sigmas, name: str) -> tuple[list[Injection], list[Injection]] | str:
+def _inject_both_sides(
+    plan: GuidancePlan, fixed_draws: Sigmas, name: str
+) -> tuple[list[Injection], list[Injection]] | str:
     """Return injections with one sigma more, and one sigma less, of each draw of a source.
 
     The whole ascent is simulated, so that the effect on staging is included.
@@ -333,7 +340,7 @@ def _inject_both_sides(plan: GuidancePlan, fixed: Sigmas, name: str) -> tuple[li
     ----------
     plan : GuidancePlan
         Guidance data stored before lift-off.
-    fixed : Sigmas
+    fixed_draws : Sigmas
         Draws that are equal in all runs.
     name : str
         Name of the source.
@@ -347,9 +354,9 @@ def _inject_both_sides(plan: GuidancePlan, fixed: Sigmas, name: str) -> tuple[li
     ends: tuple[list[Injection], list[Injection]] = [], []
     for k in range(n_draw):
         for side, sign in zip(ends, (1.0, -1.0), strict=True):
-            sigmas = fixed.get(name, np.zeros(n_draw)).copy()
+            sigmas = fixed_draws.get(name, np.zeros(n_draw)).copy()
             sigmas[k] += sign
-            draws = {**fixed, name: sigmas}
+            draws = {**fixed_draws, name: sigmas}
             injection = inject(plan, draws)
             if injection.outcome != INJECTED:
                 source = name.replace("_", " ")
@@ -362,8 +369,8 @@ def _changes(injections: list[Injection], reference: Floats) -> Floats:
     """Return the differences (n, n_number) of injections from the reference."""
     states = np.stack([injection.y for injection in injections])
     reference_orbit, reference_end = np.split(reference, [len(ORBIT)])
-    orbit = orbit_difference(orbit_of(states), reference_orbit)
-    time_and_propellant = np.array([(injection.t, injection.left) for injection in injections])
+    orbit = orbit_difference(osculating_orbit(states), reference_orbit)
+    time_and_propellant = np.array([(injection.t, injection.propellant_left) for injection in injections])
     return np.column_stack([orbit, time_and_propellant - reference_end])
 
 
@@ -374,5 +381,5 @@ def _wind_changes(card: VehicleAscent, gusts: Floats) -> Floats:
     """
     unit_draws = np.eye(numbers(card)["wind"])
     spreads = card.vehicle.dispersions
-    winds = np.array([wind_of(draws, spreads).speed for draws in unit_draws])
+    winds = np.array([run_wind(draws, spreads).speed for draws in unit_draws])
     return np.einsum("dhe,hen->dn", winds, gusts)

@@ -10,14 +10,14 @@ from typing import NamedTuple
 import numpy as np
 
 from lvnav_trade.kernels.earth import OMEGA, gravity_j4
-from lvnav_trade.kernels.jit import inlined, making_arrays
+from lvnav_trade.kernels.jit import array_jit, inline_jit
 from lvnav_trade.kernels.media.atmosphere import atmosphere
 from lvnav_trade.quantities.records import Floats
 from lvnav_trade.trajectory.ascent.equations_of_motion import (
     Propulsion,
-    coefficient_at,
+    engine_thrust,
     height_above,
-    thrust_of,
+    interpolate_drag,
     unthrottled_thrust,
 )
 from lvnav_trade.trajectory.guided.autopilot import MOTOR, NEXT, OF_THE_RUN, STACK, ControlledAttitude, LateralForces
@@ -30,20 +30,20 @@ from lvnav_trade.trajectory.guided.guided_dynamics import (
     WHOLE,
     AscentInputs,
     Cutoff,
-    commanded,
+    air_velocity,
+    commanded_direction,
     error_at,
     guide,
     navigated_energy,
-    velocity_of_air,
 )
 from lvnav_trade.trajectory.guided.loop import move, tick
 
 _REFINED = 3  # secant steps to the cut-off within a tick
 NEVER = Cutoff(
-    by_energy=False,
+    is_at_energy=False,
     energy=0.0,
     time=math.inf,
-    empty=0.0,
+    empty_mass=0.0,
 )
 """A piece without cut-off, and without an empty stage."""
 
@@ -90,22 +90,22 @@ class AttitudeControl(NamedTuple):
     path: Floats
 
 
-@inlined
+@inline_jit
 def _gust_statistics(height, gusts):
     """Return sigma (m/s) and length (m) of the gusts at a height (m)."""
     last = gusts.sigma.size - 1
     x = min(max(height / gusts.step, 0.0), float(last))
-    below = min(int(x), max(last - 1, 0))
-    above = min(below + 1, last)
-    weight = x - below
-    sigma_below = gusts.sigma[below]
-    length_below = gusts.length[below]
-    sigma = sigma_below + weight * (gusts.sigma[above] - sigma_below)
-    length = length_below + weight * (gusts.length[above] - length_below)
+    lower = min(int(x), max(last - 1, 0))
+    upper = min(lower + 1, last)
+    weight = x - lower
+    sigma_below = gusts.sigma[lower]
+    length_below = gusts.length[lower]
+    sigma = sigma_below + weight * (gusts.sigma[upper] - sigma_below)
+    length = length_below + weight * (gusts.length[upper] - length_below)
     return sigma, length
 
 
-@inlined
+@inline_jit
 def _interpolate_axis(rows, k, weight):
     """Return a direction between ticks k and k + 1.
 
@@ -120,12 +120,12 @@ def _interpolate_axis(rows, k, weight):
     )
 
 
-@inlined
+@inline_jit
 def _dot(a, b):
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-@inlined
+@inline_jit
 def axes_at(t, course):
     """Return the commanded directions ahead, up and right of the body at a time (s), frame i.
 
@@ -141,7 +141,7 @@ def axes_at(t, course):
     return ahead, up, right
 
 
-@inlined
+@inline_jit
 def forces_and_rates(t, y, engine, inputs, turning):
     """Return forces and air (`LateralForces`) at a true state, and the time derivative of the state.
 
@@ -158,7 +158,7 @@ def forces_and_rates(t, y, engine, inputs, turning):
     craft = turning.craft
     r = (y[0], y[1], y[2])
     mass = y[6]
-    air = velocity_of_air(r, inputs.wind)
+    air = air_velocity(r, inputs.wind)
     ground = (
         y[3] + OMEGA * r[1],
         y[4] - OMEGA * r[0],
@@ -173,10 +173,10 @@ def forces_and_rates(t, y, engine, inputs, turning):
     height = height_above(r[0], r[1], r[2])
     density, pressure, _, sound = atmosphere(height)
     area = inputs.drag.area
-    drag_coefficient = coefficient_at(speed / sound, inputs.drag)
+    drag_coefficient = interpolate_drag(speed / sound, inputs.drag)
     drag_per_speed = 0.5 * density * speed * drag_coefficient * area
-    motor_thrust, motor_flow = unthrottled_thrust(t, pressure, engine.unthrottled)
-    thrust, throttle = thrust_of(mass, pressure, engine, motor_thrust)
+    motor_thrust, motor_flow = unthrottled_thrust(t, pressure, engine.unthrottled_motors)
+    thrust, throttle = engine_thrust(mass, pressure, engine, motor_thrust)
     thrust += motor_thrust
     ahead, up, right = axes_at(t, control.course)
 
@@ -240,7 +240,7 @@ def forces_and_rates(t, y, engine, inputs, turning):
     return forces, slope
 
 
-@making_arrays
+@array_jit
 def _attitude_error(t, inputs, turning):
     """Return the navigation's attitude error in pitch and yaw (rad); zero if the controller does not use it."""
     if turning.control.settings.feed.attitude != OF_THE_RUN:
@@ -257,13 +257,13 @@ def _attitude_error(t, inputs, turning):
     return error_up, error_right
 
 
-@making_arrays
+@array_jit
 def _set_targets(t, inputs, turning):
     """Set the targets of both axes to the direction of explicit guidance, after its first pass."""
     if inputs.law.state[STARTED] == 0.0:
         return
     control = turning.control
-    command = commanded(t, inputs)
+    command = commanded_direction(t, inputs)
     ahead, up, right = axes_at(t, control.course)
     along = _dot(command, ahead)
     command_up = _dot(command, up)
@@ -272,7 +272,7 @@ def _set_targets(t, inputs, turning):
     control.memory[1, TARGET] = command_right / along
 
 
-@inlined
+@inline_jit
 def _advance(t, h, y, engine, inputs, turning, end):
     """Turn the body about both axes and move it over h seconds.
 
@@ -303,20 +303,20 @@ def _advance(t, h, y, engine, inputs, turning, end):
     end[6] = y[6] + half * (slope[6] + next_slope[6])
 
 
-@making_arrays
+@array_jit
 def _distance_to_end(t, y, inputs, cutoff, end):
     """Return the distance of a true state y (7,) to the end of the burn; negative after it.
 
     end : EMPTY (distance in mass, kg) or CUT_OFF (distance in navigated energy, J/kg, or in time, s).
     """
     if end == EMPTY:
-        return y[6] - cutoff.empty
-    if cutoff.by_energy:
+        return y[6] - cutoff.empty_mass
+    if cutoff.is_at_energy:
         return cutoff.energy - navigated_energy(t, y, inputs.navigation)
     return cutoff.time - t
 
 
-@making_arrays
+@array_jit
 def turn_piece(
     t: float, end: float, y: Floats, engine: Propulsion, inputs: AscentInputs, turning: AttitudeControl, cutoff: Cutoff
 ) -> tuple[float, Floats, int]:
@@ -338,11 +338,11 @@ def turn_piece(
     y = y.copy()
     next_y = y.copy()
     memory_before = memory.copy()
-    motor = count[STACK] if engine.thrust > 0.0 or engine.unthrottled.thrust > 0.0 else 0
+    motor = count[STACK] if engine.thrust > 0.0 or engine.unthrottled_motors.thrust > 0.0 else 0
     if motor != count[MOTOR]:
         ignite(control, motor, -inputs.misalignment[0], inputs.misalignment[1])
     next_pass = t
-    has_cutoff = cutoff.by_energy or cutoff.time < math.inf or cutoff.empty > 0.0
+    has_cutoff = cutoff.is_at_energy or cutoff.time < math.inf or cutoff.empty_mass > 0.0
     is_guided = law.start < math.inf
     while t < end - 1e-9:
         if is_guided and t >= next_pass - 1e-9:
@@ -363,20 +363,20 @@ def turn_piece(
         for burn_end in (CUT_OFF, EMPTY):
             if not has_cutoff:
                 continue
-            after = _distance_to_end(t + h, next_y, inputs, cutoff, burn_end)
-            if after > 0.0:
+            end_distance = _distance_to_end(t + h, next_y, inputs, cutoff, burn_end)
+            if end_distance > 0.0:
                 continue
-            before = _distance_to_end(t, y, inputs, cutoff, burn_end)
+            start_distance = _distance_to_end(t, y, inputs, cutoff, burn_end)
             outcome = burn_end
             length = h
             for _ in range(_REFINED):  # secant on the length of the step
-                if before == after:
+                if start_distance == end_distance:
                     break
-                secant = length * before / (before - after)
+                secant = length * start_distance / (start_distance - end_distance)
                 length = min(h, max(0.0, secant))
                 memory[:] = memory_before
                 _advance(t, length, y, engine, inputs, turning, next_y)
-                after = _distance_to_end(t + length, next_y, inputs, cutoff, burn_end)
+                end_distance = _distance_to_end(t + length, next_y, inputs, cutoff, burn_end)
             h = length
         t += h
         y[:] = next_y
@@ -385,7 +385,7 @@ def turn_piece(
     return t, y, WHOLE
 
 
-@making_arrays
+@array_jit
 def acceleration(t: float, y: Floats, engine: Propulsion, inputs: AscentInputs, turning: AttitudeControl) -> Floats:
     """Return the inertial acceleration (3,) m/s^2, frame i, at a true state y (7,) and a time t (s since lift-off)."""
     _, slope = forces_and_rates(t, y, engine, inputs, turning)

@@ -8,7 +8,7 @@ import pytest
 from pydantic import ValidationError
 
 from lvnav_trade.campaign.definition import axes as definition
-from lvnav_trade.campaign.definition.axes import Scenarios, cases, combinations, level_label, levels, put
+from lvnav_trade.campaign.definition.axes import Scenarios, cases, combinations, level_label, levels, with_value
 from lvnav_trade.campaign.definition.case_digest import case_id
 from lvnav_trade.campaign.definition.schema import Axis
 from lvnav_trade.campaign.reading.load import load
@@ -33,7 +33,7 @@ def test_a_grid_crosses_all_levels_with_the_last_axis_fastest(study) -> None:
 
 
 def test_an_axis_may_reach_into_a_section_that_the_base_leaves_out() -> None:
-    assert put({"filter": {"envelope": None}}, ["filter", "envelope", "burn"], 1) == {
+    assert with_value({"filter": {"envelope": None}}, ["filter", "envelope", "burn"], 1) == {
         "filter": {"envelope": {"burn": 1}}
     }
 
@@ -195,7 +195,7 @@ def test_cases_share_the_cards_that_no_axis_varies(study):
 def test_a_case_that_is_refused_names_the_field_though_cards_are_shared():
     scenarios = Scenarios(["receiver"])
     with pytest.raises(ValidationError, match="mask"):
-        scenarios.validated((0,), {"receiver": {"mask": "steep"}})
+        scenarios.validate((0,), {"receiver": {"mask": "steep"}})
 
 
 def _validations(monkeypatch) -> list[object]:

@@ -11,7 +11,7 @@ from pydantic import BaseModel, TypeAdapter, ValidationError, WithJsonSchema
 from pydantic.fields import FieldInfo
 
 from lvnav_trade.campaign.definition.schema import Campaign
-from lvnav_trade.campaign.reading.load import load, resolved
+from lvnav_trade.campaign.reading.load import load, resolved_text
 from lvnav_trade.campaign.search.point import number_at
 from lvnav_trade.quantities.units import Share
 
@@ -92,7 +92,7 @@ def test_percentages_of_a_campaign_are_the_numbers_that_they_mean(study) -> None
     )
     campaign = load(study.path)
     assert (campaign.requirements[0].probability, campaign.requirements[0].confidence) == (0.9973, 0.9)
-    assert "probability: 0.9973\n" in resolved(campaign)
+    assert "probability: 0.9973\n" in resolved_text(campaign)
     assert load(study.path, ["requirements.0.probability=68.27 %"]).requirements[0].probability == 0.6827
 
 

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from lvnav_trade.campaign.definition.metric_names import of_sensors
-from lvnav_trade.sensors.family import SENSORS, kind_of
+from lvnav_trade.campaign.definition.metric_names import sensor_entries
+from lvnav_trade.sensors.family import SENSORS, card_kind
 
-ENTRIES = of_sensors()
+ENTRIES = sensor_entries()
 
 
 def test_an_entry_is_used_where_a_sensor_is_there_and_the_filter_takes_it():
@@ -19,4 +19,4 @@ def test_sensors_that_share_their_evidence_are_one_entry():
     both = next(entry for entry in ENTRIES if entry["name"] == "Difference of two inertial units")
     assert [one["sensors.*.kind"] for one in both["used"]] == ["angle_difference", "velocity_difference"]
     used = [one["sensors.*.kind"] for entry in ENTRIES for one in entry["used"]]
-    assert used == [kind_of(card) for card in SENSORS]
+    assert used == [card_kind(card) for card in SENSORS]

@@ -15,8 +15,8 @@ def test_selected_cases_have_all_runs_and_others_forty_or_as_many_as_is_said() -
 
 
 def test_of_many_designs_ten_have_runs_unless_another_number_is_said() -> None:
-    assert MonteCarlo(runs=80).chosen_most == 10
-    assert MonteCarlo(runs=80, cases="front", most_cases=3).chosen_most == 3
+    assert MonteCarlo(runs=80).case_limit == 10
+    assert MonteCarlo(runs=80, cases="front", most_cases=3).case_limit == 3
 
 
 @pytest.mark.parametrize(

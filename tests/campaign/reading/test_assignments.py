@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from lvnav_trade.campaign.definition.axes import cases
-from lvnav_trade.campaign.reading.load import load, resolved
+from lvnav_trade.campaign.reading.load import load, resolved_text
 from lvnav_trade.quantities.errors import InputError
 
 AXES = "axes: [{path: imu, cards: [imu/good, imu/poor]}, {path: filter.gate, values: [5, null]}]\n"
@@ -85,5 +85,5 @@ def test_a_value_may_hold_an_equals_sign_and_a_unit_with_brackets(study) -> None
 
 
 def test_what_is_set_is_part_of_the_frozen_campaign(study) -> None:
-    study.write("frozen.yaml", resolved(load(study.path, ["seed=99"])))
+    study.write("frozen.yaml", resolved_text(load(study.path, ["seed=99"])))
     assert load("frozen.yaml").seed == 99

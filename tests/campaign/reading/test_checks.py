@@ -9,7 +9,7 @@ import pytest
 from lvnav_trade import api
 from lvnav_trade.campaign.definition.axes import cases
 from lvnav_trade.campaign.reading import flights
-from lvnav_trade.campaign.reading.load import load, resolved
+from lvnav_trade.campaign.reading.load import load, resolved_text
 from lvnav_trade.quantities.errors import InputError, Mistake
 
 RANGES, SOLUTION = "[pseudorange, range_rate]", "[position, velocity]"
@@ -110,7 +110,9 @@ def test_what_a_fault_takes_and_a_case_does_not_have_is_reported_where_it_was_na
 def test_a_mistake_that_shows_when_a_case_is_put_together_is_reported_where_it_was_written(study) -> None:
     campaign = load("campaign.yaml")
     (case,) = cases(campaign)
-    shown = flights.located(campaign, case, [Mistake("too late", "filter.gate"), Mistake("broken", "", "my.csv", 3, 1)])
+    shown = flights.locate_mistakes(
+        campaign, case, [Mistake("too late", "filter.gate"), Mistake("broken", "", "my.csv", 3, 1)]
+    )
     assert [str(one) for one in shown] == [
         "configs/filters/near.yaml:1:1: base.filter.gate: too late",
         "my.csv:3:1: broken",
@@ -161,7 +163,7 @@ def test_the_same_mistake_in_many_cases_is_reported_once(study) -> None:
 
 def test_a_mistake_in_a_resolved_campaign_stands_in_that_file(study) -> None:
     with_fault(study, "600 s")
-    study.write("frozen.yaml", resolved(load("campaign.yaml")))
+    study.write("frozen.yaml", resolved_text(load("campaign.yaml")))
     (line,) = reported(study, name="frozen.yaml")
     assert line.startswith("frozen.yaml:")
     assert line.endswith("base.faults.0.start: '600 s' is 600 s, at or after the end of the flight (560 s)")

@@ -9,7 +9,7 @@ import pytest
 from lvnav_trade import api
 from lvnav_trade.campaign.definition.axes import cases
 from lvnav_trade.campaign.reading.effect import Effects
-from lvnav_trade.campaign.reading.load import load, resolved
+from lvnav_trade.campaign.reading.load import load, resolved_text
 from lvnav_trade.quantities.errors import InputError
 from lvnav_trade.scenario.scenario import Scenario
 from lvnav_trade.simulation.settings_read import EffectiveSettings
@@ -206,7 +206,7 @@ def test_a_card_is_a_description_of_a_thing_and_so_is_one_of_the_users_own(campa
 
 
 def test_a_resolved_campaign_says_everything_and_only_what_is_set_on_top_counts(campaign: Path) -> None:
-    campaign.write_text(resolved(load("campaign.yaml")))
+    campaign.write_text(resolved_text(load("campaign.yaml")))
     assert refused() == []
     (line,) = refused("receiver.solution.bias_time=9 s")
     assert line.startswith("--set: base.receiver.solution.bias_time: no effect")
@@ -262,7 +262,7 @@ def visited(file: Path, text: str) -> int:
     file.write_text(text)
     found = load(file)
     effects, known = Effects(found, cases(found)), {}
-    while (case := effects.next(known)) is not None:
+    while (case := effects.next_case(known)) is not None:
         known[case.id] = EffectiveSettings(frozenset(), tuple(Scenario.model_fields), {})
     return len(known)
 

@@ -41,7 +41,7 @@ class Sheet(Card):
 def reported(text: str) -> list[str]:
     root = tree.parse(text, "f.yaml", Path())
     try:
-        Sheet.model_validate(tree.plain(root))
+        Sheet.model_validate(tree.plain_data(root))
     except ValidationError as error:
         return [str(mistake) for mistake in explain(error, root, Sheet, "base")]
     return []

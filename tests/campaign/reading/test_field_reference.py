@@ -8,7 +8,7 @@ import pytest
 from pydantic import BaseModel
 
 from lvnav_trade.campaign.definition.schema import Campaign
-from lvnav_trade.campaign.reading.field_reference import reference, type_of
+from lvnav_trade.campaign.reading.field_reference import reference, type_text
 from lvnav_trade.campaign.syntax import fields
 from lvnav_trade.quantities.errors import InputError
 from lvnav_trade.quantities.units import Length, TimeConstant
@@ -40,9 +40,9 @@ def test_settings_of_several_kinds_are_reported_kind_by_kind_without_the_kind_it
 
 
 def test_a_type_is_said_in_words() -> None:
-    assert type_of(tuple[Length, Length, Length]) == "list of 3 length (m, km, cm)"
-    assert type_of(Annotated[TimeConstant, 3] | None) == "time (s, ms, min) or none"
-    assert type_of(dict[str, Length]) == "length (m, km, cm) by name"
+    assert type_text(tuple[Length, Length, Length]) == "list of 3 length (m, km, cm)"
+    assert type_text(Annotated[TimeConstant, 3] | None) == "time (s, ms, min) or none"
+    assert type_text(dict[str, Length]) == "length (m, km, cm) by name"
 
 
 @pytest.mark.parametrize(

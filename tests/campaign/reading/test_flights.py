@@ -27,7 +27,8 @@ def warned(*sets: str) -> list[str]:
 
 
 def test_a_sensor_that_some_cases_use_is_a_warning(study, monkeypatch) -> None:
-    monkeypatch.setattr(switched, "_never_able", lambda *_: iter(()))  # the study's vehicle does not reach its orbit
+    # the study's vehicle does not reach its orbit
+    monkeypatch.setattr(switched, "_capability_errors", lambda *_: iter(()))
     study.append("axes:\n  - {path: filter, cards: [filters/near, filters/low]}\n")
     study.edit("campaign.yaml", "  imu: imu/good", "  imu: imu/good\n  sensors: {radar: altimeters/radar_004}")
     study.write("configs/filters/low.yaml", "name: low\nsource: test\nmeasurements: [position, velocity, altitude]\n")
@@ -63,16 +64,16 @@ def test_stored_gains_of_another_flight_are_a_warning(study) -> None:
 def _sky(tracked):
     """Return a stand-in for the sky of a flight of 560 s at one epoch a second: A1 is received as stated."""
     return lambda scenario, flight, t, start: SimpleNamespace(
-        names=("A1", "A2"), tracked=np.stack([tracked(t, scenario), np.ones(t.size, dtype=bool)], axis=1)
+        names=("A1", "A2"), is_tracked=np.stack([tracked(t, scenario), np.ones(t.size, dtype=bool)], axis=1)
     )
 
 
 def _fly(monkeypatch, tracked):
     course = FlightProfile({"start": -60.0, "end": 560.0, **EVENTS})
-    flight = SimpleNamespace(course=course, start=-60.0, end=560.0)
+    flight = SimpleNamespace(flight_profile=course, start=-60.0, end=560.0)
     monkeypatch.setattr(switched, "trajectory_of", lambda _: flight)
-    monkeypatch.setattr(switched, "_never_able", lambda *_: iter(()))
-    monkeypatch.setattr(switched, "seen_in", _sky(tracked))
+    monkeypatch.setattr(switched, "_capability_errors", lambda *_: iter(()))
+    monkeypatch.setattr(switched, "cached_sky", _sky(tracked))
 
 
 BIAS = "faults=[{kind: range_bias, size: 5 m, satellites: [A1, A2], start: 100 s, duration: 50 s}]"

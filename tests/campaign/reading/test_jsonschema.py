@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from lvnav_trade.campaign.reading.field_reference import json_schema
-from lvnav_trade.campaign.reading.load import load, resolved
+from lvnav_trade.campaign.reading.load import load, resolved_text
 from lvnav_trade.campaign.syntax import tree
 
 _TYPES = {"string": str, "number": int | float, "integer": int, "boolean": bool, "array": list, "object": dict}
@@ -51,14 +51,14 @@ def test_the_schema_accepts_a_campaign_that_loads(study, old: str, new: str) -> 
     study.edit("campaign.yaml", old, new)
     load(study.path)
     schema = json_schema()
-    assert fits(tree.plain(tree.read(study.path)), schema, schema)
+    assert fits(tree.plain_data(tree.read(study.path)), schema, schema)
 
 
 def test_the_schema_accepts_a_resolved_campaign(study) -> None:
     study.append("requirements: [{name: a, metric: position_error_3d, probability: 0.5, below: 1 m}]\n")
-    study.write("frozen.yaml", resolved(load(study.path)))
+    study.write("frozen.yaml", resolved_text(load(study.path)))
     schema = json_schema()
-    assert fits(tree.plain(tree.read(study.folder / "frozen.yaml")), schema, schema)
+    assert fits(tree.plain_data(tree.read(study.folder / "frozen.yaml")), schema, schema)
 
 
 @pytest.mark.parametrize(
@@ -74,4 +74,4 @@ def test_the_schema_accepts_a_resolved_campaign(study) -> None:
 def test_the_schema_refuses_what_does_not_load(study, old: str, new: str) -> None:
     study.edit("campaign.yaml", old, new)
     schema = json_schema()
-    assert not fits(tree.plain(tree.read(study.path)), schema, schema)
+    assert not fits(tree.plain_data(tree.read(study.path)), schema, schema)

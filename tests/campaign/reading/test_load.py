@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from lvnav_trade.campaign.definition.axes import cases
-from lvnav_trade.campaign.reading.load import load, resolved
+from lvnav_trade.campaign.reading.load import load, resolved_text
 from lvnav_trade.quantities.errors import InputError
 
 DEG_PER_HOUR = math.radians(1.0) / 3600.0
@@ -54,16 +54,16 @@ references:
 def test_a_resolved_campaign_reads_back_to_the_same_campaign(study) -> None:
     study.append(AXES)
     campaign = load(study.path)
-    elsewhere = study.write("elsewhere/frozen.yaml", resolved(campaign))
+    elsewhere = study.write("elsewhere/frozen.yaml", resolved_text(campaign))
     again = load(elsewhere)
     assert again == campaign
-    assert resolved(again) == resolved(campaign)
+    assert resolved_text(again) == resolved_text(campaign)
     assert [case.id for case in cases(again)] == [case.id for case in cases(campaign)]
 
 
 def test_a_resolved_campaign_needs_no_card(study) -> None:
     study.append(AXES)
-    text = resolved(load(study.path))
+    text = resolved_text(load(study.path))
     for file in study.folder.rglob("configs/*/*.yaml"):
         file.unlink()
     study.write("campaign.yaml", text)
@@ -71,7 +71,7 @@ def test_a_resolved_campaign_needs_no_card(study) -> None:
 
 
 def test_every_default_is_filled_in_when_a_campaign_is_resolved(study) -> None:
-    text = resolved(load(study.path))
+    text = resolved_text(load(study.path))
     for key in ("covariance_rate: 10.0 Hz", "gravity: j4", "history: 1.0 s", "design: grid", "kick_angle:"):
         assert key in text
 

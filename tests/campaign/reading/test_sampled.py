@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from lvnav_trade.campaign.definition.axes import cases, probes
-from lvnav_trade.campaign.reading.load import load, resolved
+from lvnav_trade.campaign.reading.load import load, resolved_text
 from lvnav_trade.campaign.space.numbered_designs import DesignSpace
 from lvnav_trade.quantities.errors import InputError
 
@@ -33,7 +33,7 @@ def test_many_samples_store_metrics_unless_the_campaign_says_otherwise(study) ->
 def test_the_resolved_campaign_has_the_rule_and_the_same_designs(study, tmp_path) -> None:
     study.append(SAMPLED)
     found, again = load(study.path), tmp_path / "again.yaml"
-    text = resolved(found)
+    text = resolved_text(found)
     assert text.count("0.01 deg") == 1
     again.write_text(text)
     read = load(again)
@@ -103,7 +103,7 @@ def test_rows_are_stored_with_few_samples_too_where_the_campaign_says_so(study, 
     study.append(SAMPLED)
     found = load(study.path, ["samples=16", f"store={store}"])
     assert (found.store, found.is_space, len(DesignSpace(found))) == (store, True, 16)
-    assert f"store: {store}" in resolved(found)
+    assert f"store: {store}" in resolved_text(found)
 
 
 @pytest.mark.parametrize("axes", ["", "axes: []\n"])

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import pytest
 
-from lvnav_trade.campaign.reading.load import load, resolved
+from lvnav_trade.campaign.reading.load import load, resolved_text
 from lvnav_trade.quantities.errors import InputError
 
 SET = """\
@@ -40,7 +40,7 @@ def test_a_set_stands_among_requirements_of_ones_own(asked):
 
 def test_the_resolved_campaign_reads_back_to_the_same(asked, tmp_path):
     campaign = asked("requirements/two", PLAIN)
-    (tmp_path / "again.yaml").write_text(resolved(campaign))
+    (tmp_path / "again.yaml").write_text(resolved_text(campaign))
     assert load(tmp_path / "again.yaml") == campaign
 
 

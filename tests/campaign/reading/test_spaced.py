@@ -7,7 +7,7 @@ import pytest
 from scipy.stats import qmc
 
 from lvnav_trade.campaign.definition.axes import cases
-from lvnav_trade.campaign.reading.load import load, resolved
+from lvnav_trade.campaign.reading.load import load, resolved_text
 from lvnav_trade.campaign.reading.spaced import points
 from lvnav_trade.quantities.errors import InputError
 
@@ -40,7 +40,7 @@ def test_equally_spaced_levels_are_written_out_with_their_unit(study, axis: str,
 def test_what_is_spaced_reads_back_from_the_resolved_campaign(study, tmp_path) -> None:
     found = loaded(study, "axes: [{path: initial.heading, logspace: [0.01 deg, 1 deg, 3]}]\n")
     again = tmp_path / "again.yaml"
-    again.write_text(resolved(found))
+    again.write_text(resolved_text(found))
     assert [case.id for case in cases(load(again))] == [case.id for case in cases(found)]
 
 

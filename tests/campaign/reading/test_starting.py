@@ -42,7 +42,7 @@ def test_a_file_with_other_columns_units_and_delimiters_passes_the_check(tmp_pat
     np.savetxt(file, rows, fmt="%.12g", delimiter=";", header=titles, comments="")
     found = start(tmp_path / "mine", file)
     assert found.campaign == tmp_path / "mine" / "our_flight.yaml"
-    assert "attitude" not in {one.part for one in found.guesses}
+    assert "attitude" not in {one.field for one in found.guesses}
     assert "# attitude: along the specific force" in found.card.read_text()
     assert api.check(found.campaign).campaign.name == "our_flight"
 
@@ -70,7 +70,7 @@ def test_a_time_of_week_is_known_or_named_and_lift_off_is_where_the_vehicle_leav
     rows = rows.assign(time_s=rows.time_s + 124_218.0).rename(columns={"time_s": title})
     rows.to_csv(tmp_path / "flight.csv", index=False)
     found = start(tmp_path / "new", tmp_path / "flight.csv", EPOCH, None if title == "tow" else title)
-    time = next(one.content for one in found.guesses if one.part == "time")
+    time = next(one.content for one in found.guesses if one.field == "time")
     assert time["column"] == title
     assert time["liftoff"] == pytest.approx(124_218.0, abs=0.5)
     assert float(found.events["stage1_cutoff"].removesuffix(" s")) == pytest.approx(150.49, abs=0.5)  # from lift-off

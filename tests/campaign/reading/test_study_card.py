@@ -43,7 +43,7 @@ def test_the_file_gives_order_and_questions(folder: Path) -> None:
     study, questions = load_study(folder)
     assert (study.title, study.name) == ("A paper again", folder.name)
     assert [one.campaign.name for one in questions] == ["second", "first"]
-    assert questions[0].part.figures[0].quantity == "velocity"
+    assert questions[0].study_campaign.figures[0].quantity == "velocity"
 
 
 def test_without_a_file_the_campaigns_stand_by_name(folder: Path) -> None:

@@ -18,7 +18,7 @@ from tests.standing import pad
 
 EVENTS = {"liftoff": 0.0, "stage1_cutoff": 150.0, "injection": 540.0}  # the climb holds 60 s and coasts 20 s
 LISTED = "filter.measurements=[pseudorange, range_rate, altitude]"
-UNABLE = switched._never_able
+UNABLE = switched._capability_errors
 SOLUTION = "filter.measurements=[position, velocity]"
 
 
@@ -27,8 +27,8 @@ def climbing(monkeypatch: pytest.MonkeyPatch) -> None:
     """The small study's vehicle does not reach its orbit; here it climbs at 400 m/s and gains 10 m/s each second."""
     instants = {"start": -60.0, "end": 560.0, **EVENTS}
     course = FlightProfile(instants, lambda t: np.maximum(t, 0.0) * np.array([[400.0], [10.0], [1.0]]))
-    monkeypatch.setattr(switched, "trajectory_of", lambda _: SimpleNamespace(course=course))
-    monkeypatch.setattr(switched, "_never_able", lambda *_: iter(()))  # it needs a whole trajectory: `flying`
+    monkeypatch.setattr(switched, "trajectory_of", lambda _: SimpleNamespace(flight_profile=course))
+    monkeypatch.setattr(switched, "_capability_errors", lambda *_: iter(()))  # it needs a whole trajectory: `flying`
 
 
 @pytest.fixture
@@ -37,7 +37,7 @@ def flying(monkeypatch: pytest.MonkeyPatch):
 
     def fly(trajectory) -> None:
         monkeypatch.setattr(switched, "trajectory_of", lambda _: trajectory)
-        monkeypatch.setattr(switched, "_never_able", UNABLE)
+        monkeypatch.setattr(switched, "_capability_errors", UNABLE)
 
     return fly
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 from lvnav_trade.campaign.definition.schema import Axis
 from lvnav_trade.campaign.reading.axis_checks import WrittenAxis
 from lvnav_trade.campaign.reading.written_cases import first_cases
-from lvnav_trade.campaign.syntax.card_lookup import nowhere
+from lvnav_trade.campaign.syntax.card_lookup import command_line_place
 from lvnav_trade.campaign.syntax.tree import Node
 
 
 def varied(path: str, *values: int) -> WrittenAxis:
-    return WrittenAxis(Axis(path=path, values=values), Node({}, nowhere("test")))
+    return WrittenAxis(Axis(path=path, values=values), Node({}, command_line_place("test")))
 
 
 def test_a_level_is_first_in_the_earliest_case_that_has_it() -> None:

@@ -31,7 +31,7 @@ def both(tmp_path_factory):
     covariance = synthetic.covariance()
     block = synthetic.block(covariance, 0, 40, failing=(3,))
     summary = summarise(block, synthetic.EVENTS, covariance.true_sigma, synthetic.OUTPUTS)
-    return CaseTables(tables, CASE), CaseArrays(synthetic.prepared(), covariance, summary)
+    return CaseTables(tables, CASE), CaseArrays(synthetic.prepared_case(), covariance, summary)
 
 
 @pytest.mark.parametrize("stated", STATED, ids=lambda one: f"{one['metric']} {one.get('at')}")
@@ -40,9 +40,9 @@ def test_requirements_have_the_same_errors_and_the_same_law(both, stated):
     stored, held = (metric.errors(case, stated) for case in both)
     assert (stored is None) == (held is None)
     if stored is not None and held is not None:
-        np.testing.assert_array_equal(held.size, stored.size)
+        np.testing.assert_array_equal(held.magnitude, stored.magnitude)
         assert held[1:] == stored[1:]
-    first, second = (metric.law(case, stated) for case in both)
+    first, second = (metric.distribution(case, stated) for case in both)
     assert isinstance(first, str) == isinstance(second, str)
     if not isinstance(first, str) and not isinstance(second, str):
         np.testing.assert_allclose(second.law.mean, first.law.mean, rtol=1e-12)
@@ -51,7 +51,7 @@ def test_requirements_have_the_same_errors_and_the_same_law(both, stated):
 
 
 def test_without_runs_there_are_no_errors_and_the_phase_is_that_of_the_history():
-    alone = CaseArrays(synthetic.prepared(), synthetic.covariance())
+    alone = CaseArrays(synthetic.prepared_case(), synthetic.covariance())
     assert alone.sizes("injection", "velocity", "3d").size == 0
     assert alone.errors("injection", "velocity").shape == (0, 3)
     assert alone.failed_runs().size == 0

@@ -18,5 +18,5 @@ def test_the_designs_of_a_space_are_called_as_the_protocol_says(name: str) -> No
 
 
 def test_a_campaign_is_resumed_whole_unless_told_otherwise() -> None:
-    assert conduct.Conduct().mode == "resume"
+    assert conduct.RunOptions().mode == "resume"
     assert conduct.Scope() == (None, (), None)

@@ -45,7 +45,7 @@ def test_a_case_without_runs_is_done_whole(job, case: Case) -> None:
     found = analyse_case(todo, case)
     assert found.is_whole
     assert [call.what for call in fake.calls] == ["covariance", "explain"]
-    assert found._replace(is_whole=False) == work.answer(todo, case)
+    assert found._replace(is_whole=False) == work.compute_covariance(todo, case)
     assert [file.stem for file in Path().glob("*.pcase")] == [case.id]
 
 
@@ -54,7 +54,7 @@ def test_what_fails_beside_an_answer_is_left_to_its_stage(job, case: Case) -> No
         raise ValueError("no diagnostics")
 
     _, todo = job()
-    todo = todo._replace(engine=todo.engine._replace(explain=broken))
+    todo = todo._replace(engine=todo.engine._replace(diagnose=broken))
     found = analyse_case(todo, case)
     assert not found.is_whole
     assert not found.error
@@ -82,7 +82,7 @@ def test_a_case_whose_tables_are_not_those_that_it_left_is_done_again(job, case:
     elif harm == "short":
         table.write_bytes(table.read_bytes()[:-1])
     else:
-        todo = todo._replace(request=CovarianceRequest(at="stage1_cutoff"))
+        todo = todo._replace(request=CovarianceRequest(event="stage1_cutoff"))
     scratch.clear_cache()
     assert analyse_case(todo, case) == found
     assert [call.what for call in fake.calls] == ["covariance", "explain"] * 2

@@ -7,9 +7,9 @@ import json
 import pytest
 
 from lvnav_trade.campaign.reading.load import load
-from lvnav_trade.campaign.running.demonstrable import needed, requirements_beyond_run_count
+from lvnav_trade.campaign.running.demonstrable import required_run_counts, requirements_beyond_run_count
 from lvnav_trade.results.requirements.requirements import decide
-from lvnav_trade.results.statistics.probability import shows
+from lvnav_trade.results.statistics.probability import is_demonstrated
 from tests.cli.calling import call
 from tests.cli.conftest import events
 
@@ -24,9 +24,9 @@ def sets(*more: str) -> list[str]:
 
 
 def test_the_runs_needed_are_the_fewest_that_decide_without_a_failure() -> None:
-    fixed, in_order = needed(0.9973, 0.9, 40)
-    assert shows(fixed, 0, 0.9973, 0.9)
-    assert not shows(fixed - 1, 0, 0.9973, 0.9)
+    fixed, in_order = required_run_counts(0.9973, 0.9, 40)
+    assert is_demonstrated(fixed, 0, 0.9973, 0.9)
+    assert not is_demonstrated(fixed - 1, 0, 0.9973, 0.9)
     looks = in_order // 40
     assert decide([0] * looks, 0.9973, 0.9, 40) == ("met", in_order)
     assert decide([0] * (looks - 1), 0.9973, 0.9, 40)[0] == "undecided"

@@ -15,7 +15,7 @@ from joblib.externals.loky.process_executor import TerminatedWorkerError
 from lvnav_trade.campaign.definition.axes import cases
 from lvnav_trade.campaign.reading.load import load
 from lvnav_trade.campaign.running import checking, execute
-from lvnav_trade.campaign.running.conduct import Conduct, Store
+from lvnav_trade.campaign.running.conduct import RunOptions, Store
 from lvnav_trade.quantities.errors import InputError, Mistake
 from lvnav_trade.simulation.settings_read import EffectiveSettings
 from lvnav_trade.trajectory.truth import BEYOND, NOTE, WARNING, Remark
@@ -33,9 +33,9 @@ def run(study, fakes):
         outcome = execute.run(
             load(study.path, sets),
             Path("results"),
-            Conduct(jobs=1, **options),
+            RunOptions(jobs=1, **options),
             engine=fake.engine(),
-            keep=fakes.store(full_after),
+            store=fakes.store(full_after),
         )
         return fake, outcome
 
@@ -67,13 +67,13 @@ def test_remarks_on_the_flights_are_kept_by_kind_each_once(study, fakes, monkeyp
     finished: list[dict[str, object]] = []
     kept = fakes.store()
     monkeypatch.setattr(sys.modules["fakes"].Kept, "finish", lambda self, extra, *_: finished.append(extra))
-    execute.run(load(study.path), Path("results"), Conduct(jobs=1), engine=engine, keep=kept)
+    execute.run(load(study.path), Path("results"), RunOptions(jobs=1), engine=engine, store=kept)
     names = ("beyond_limits", "warnings", "notes")
     assert [finished[0][name] for name in names] == [["a: 33 g"], ["a: no event"], ["a: a hole"]]
 
 
 def test_a_mistake_that_shows_late_is_reported_at_its_place_before_anything_is_flown(run, fakes) -> None:
-    def refuse(prepared) -> None:
+    def refuse(prepared_case) -> None:
         raise InputError(records=[Mistake("too late", "receiver.latency")])
 
     fake = fakes.Fake(on_covariance=refuse)
@@ -88,7 +88,9 @@ def test_what_no_case_reads_is_reported_before_anything_is_flown(study, run, fak
 
     def knowing(**known: EffectiveSettings | None):
         fake = fakes.Fake()
-        monkeypatch.setattr(fake, "used", lambda prepared, read: known[prepared.name.split()[0]])
+        monkeypatch.setattr(
+            fake, "effective_settings", lambda prepared_case, read: known[prepared_case.name.split()[0]]
+        )
         return fake
 
     assert run(knowing(good=nothing, poor=None))[1].failures == ()  # of one case nothing is known
@@ -214,8 +216,8 @@ def dying_pool(monkeypatch: pytest.MonkeyPatch, deaths: list[int]) -> list[int]:
     """Let the pool take two units ahead and lose a worker before its n-th result; return the workers of each pool."""
     pools = []
 
-    def each(jobs, function, units, ordered=False):
-        if ordered:
+    def each(jobs, function, units, is_ordered=False):
+        if is_ordered:
             yield from (function(*unit) for unit in units)
             return
         pools.append(jobs)
@@ -230,7 +232,7 @@ def dying_pool(monkeypatch: pytest.MonkeyPatch, deaths: list[int]) -> list[int]:
             yield result
 
     for module in (execute, checking):
-        monkeypatch.setattr(module, "each", each)
+        monkeypatch.setattr(module, "map_items", each)
     monkeypatch.setattr(execute, "end_workers", lambda jobs: None)
     return pools
 
@@ -239,7 +241,7 @@ def test_the_work_of_a_worker_that_died_is_done_again_by_fewer(study, fakes, mon
     study.append(TWO)
     pools = dying_pool(monkeypatch, [9, 9, 3, 0])  # none in the first stages, then two among the blocks
     fake = fakes.Fake()
-    execute.run(load(study.path), Path("results"), Conduct(jobs=8), engine=fake.engine(), keep=fakes.store())
+    execute.run(load(study.path), Path("results"), RunOptions(jobs=8), engine=fake.engine(), store=fakes.store())
     assert pools == [8, 8, 8, 4, 2, 2]
     assert sorted(flown(fake)) == ALL
     assert fakes.tables(Path("results"))["imu=poor"][2] == [7000 + number for number in range(100)]
@@ -251,9 +253,9 @@ def test_the_third_death_ends_the_campaign_and_so_does_the_first_where_failures_
     study.append(TWO)
     for options, deaths in (({}, 3), ({"fail_fast": True}, 1)):
         pools = dying_pool(monkeypatch, [9, 9, 0, 0, 0])
-        found, made = load(study.path), {"engine": fakes.Fake().engine(), "keep": fakes.store()}
+        found, made = load(study.path), {"engine": fakes.Fake().engine(), "store": fakes.store()}
         with pytest.raises(execute.Halted, match=r"^a worker process died .* resumes, try --jobs 2$"):
-            execute.run(found, Path("r"), Conduct(jobs=4, **options), **made)
+            execute.run(found, Path("r"), RunOptions(jobs=4, **options), **made)
         assert len(pools) == 2 + deaths
 
 
@@ -291,9 +293,9 @@ def test_a_disk_that_is_full_from_the_start_ends_in_the_same_line(study, fakes) 
         execute.run(
             load(study.path),
             Path("results"),
-            Conduct(jobs=1),
+            RunOptions(jobs=1),
             engine=fakes.Fake().engine(),
-            keep=Store(full, lambda folder: None),
+            store=Store(full, lambda folder: None),
         )
 
 
@@ -330,8 +332,8 @@ def test_an_error_in_one_block_loses_its_case_and_not_the_campaign(run, fakes) -
 
 
 def test_a_case_whose_covariance_fails_is_reported_and_the_others_go_on(run, fakes) -> None:
-    def broken(prepared) -> None:
-        if prepared.name == "good near":
+    def broken(prepared_case) -> None:
+        if prepared_case.name == "good near":
             raise ValueError("not positive")
 
     fake, outcome = run(fakes.Fake(on_covariance=broken))
@@ -357,7 +359,7 @@ def test_an_event_that_is_not_in_the_flight_is_refused_before_anything_is_comput
 def test_a_trajectory_that_cannot_be_flown_is_reported_where_the_campaign_asks_for_it(study, fakes) -> None:
     study.edit("campaign.yaml", "trajectories/climb", "{card: trajectories/climb, vehicle: {payload: 60 t}}")
     with pytest.raises(InputError) as caught:
-        execute.run(load("campaign.yaml"), Path("results"), Conduct(jobs=1), keep=fakes.store())
+        execute.run(load("campaign.yaml"), Path("results"), RunOptions(jobs=1), store=fakes.store())
     (line,) = str(caught.value).splitlines()
     assert line.startswith("campaign.yaml:4:3: base.trajectory: climb: the first stage does not lift off: ")
 
@@ -365,7 +367,7 @@ def test_a_trajectory_that_cannot_be_flown_is_reported_where_the_campaign_asks_f
 def test_a_trajectory_of_an_axis_that_cannot_be_flown_is_reported_in_the_axis(study, fakes) -> None:
     study.append("axes: [{path: trajectory.vehicle.payload, values: [300 kg, 60 t]}]\n")
     with pytest.raises(InputError) as caught:
-        execute.run(load("campaign.yaml"), Path("results"), Conduct(jobs=1), keep=fakes.store())
+        execute.run(load("campaign.yaml"), Path("results"), RunOptions(jobs=1), store=fakes.store())
     assert "base.trajectory: climb: the first stage does not lift off: " in str(caught.value)
 
 
@@ -382,7 +384,7 @@ def test_a_folder_of_the_users_own_is_refused_and_no_lock_is_left_in_it(study, f
     for name, text in mine.items():
         study.write(name, text)
     with pytest.raises(InputError, match="holds files that lvnav-trade did not write"):
-        execute.run(load(study.path), Path("mine"), Conduct(jobs=1, mode=mode), engine=fakes.Fake().engine())
+        execute.run(load(study.path), Path("mine"), RunOptions(jobs=1, mode=mode), engine=fakes.Fake().engine())
     assert {str(path): path.read_text() for path in Path("mine").rglob("*") if path.is_file()} == mine
 
 

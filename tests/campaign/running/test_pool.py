@@ -23,10 +23,10 @@ def process_executor_says() -> str:
 
 
 def test_one_job_works_in_this_process_and_several_in_others() -> None:
-    assert list(pool.each(1, os.getpid, [(), ()])) == [os.getpid()] * 2
+    assert list(pool.map_items(1, os.getpid, [(), ()])) == [os.getpid()] * 2
     try:
         with warnings.catch_warnings(record=True) as said:
-            assert os.getpid() not in pool.each(2, os.getpid, [(), ()], ordered=True)
+            assert os.getpid() not in pool.map_items(2, os.getpid, [(), ()], is_ordered=True)
             for text in (process_executor_says(), "another thing"):
                 warnings.warn(text, UserWarning, stacklevel=1)
         assert [str(one.message) for one in said] == ["another thing"]
@@ -73,8 +73,8 @@ def test_a_cluster_that_gives_a_unit_up_is_a_pool_whose_worker_died(monkeypatch:
         yield 1
         raise GivenUp("b was tried three times")
 
-    monkeypatch.setattr(pool, "_on_cluster", [GivenUp])
-    found = pool._from_cluster(units())
+    monkeypatch.setattr(pool, "_cluster_errors", [GivenUp])
+    found = pool._cluster_results(units())
     assert next(found) == 1
     with pytest.raises(TerminatedWorkerError, match="b was tried three times"):
         next(found)

@@ -11,8 +11,8 @@ import pytest
 
 from lvnav_trade.campaign.reading.load import load
 from lvnav_trade.campaign.running import execute
-from lvnav_trade.campaign.running.conduct import Conduct
-from lvnav_trade.campaign.running.progress import Bar, Plain, Progress, choose, staged
+from lvnav_trade.campaign.running.conduct import RunOptions
+from lvnav_trade.campaign.running.progress import Bar, Plain, Progress, choose, progress_stage
 
 STAMP = re.compile(r"^[0-2][0-9]:[0-5][0-9]:[0-5][0-9] ")
 
@@ -72,7 +72,7 @@ def test_of_steps_that_are_unlike_the_first_counts_too(
     clock = iter([0.0, 20.0, 21.0])  # the first step of a report reads the tables that the others take up
     monkeypatch.setattr("lvnav_trade.campaign.running.progress.time.monotonic", lambda: next(clock))
     progress = Plain()
-    progress.stage("report", 10, alike=False)
+    progress.stage("report", 10, is_uniform=False)
     progress.advance(1)
     assert said(capsys.readouterr().err)[-1] == "report: 1/10, 180 s left"
     progress.advance(1)
@@ -118,15 +118,15 @@ def test_a_note_on_a_terminal_is_said_as_it_is(monkeypatch: pytest.MonkeyPatch) 
 
 
 def test_the_page_is_a_stage_of_its_own_that_ends_whatever_happens(capsys: pytest.CaptureFixture[str]) -> None:
-    with staged(Plain(), "report"):
+    with progress_stage(Plain(), "report"):
         assert said(capsys.readouterr().err) == ["report: 1"]
     assert said(capsys.readouterr().err) == ["report: 1/1, 0 s left"]
-    with staged(None, "report") as step:
+    with progress_stage(None, "report") as step:
         step()
-    with pytest.raises(OSError, match="full"), staged(Plain(), "report"):
+    with pytest.raises(OSError, match="full"), progress_stage(Plain(), "report"):
         raise OSError("full")
     assert said(capsys.readouterr().err) == ["report: 1"]
-    with staged(Plain(), "report", 3) as step:
+    with progress_stage(Plain(), "report", 3) as step:
         step()
         step()
         assert "report: 2/3" in capsys.readouterr().err
@@ -146,6 +146,6 @@ class Heard(Progress):
 def test_a_first_run_says_what_is_compiled_and_how_long_that_takes(study, fakes, monkeypatch, filled: bool) -> None:
     watch = Heard()
     monkeypatch.setattr(execute, "is_filled", lambda: filled)
-    conduct = Conduct(jobs=1, progress=watch)
-    execute.run(load(study.path), Path("results"), conduct, engine=fakes.Fake().engine(), keep=fakes.store(None))
+    conduct = RunOptions(jobs=1, progress=watch)
+    execute.run(load(study.path), Path("results"), conduct, engine=fakes.Fake().engine(), store=fakes.store(None))
     assert [line for line in watch.lines if "usually takes" in line] == ([] if filled else [execute.COMPILING])

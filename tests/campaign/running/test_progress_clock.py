@@ -8,7 +8,7 @@ import sys
 
 import pytest
 
-from lvnav_trade.campaign.running.progress import stamped
+from lvnav_trade.campaign.running.progress import stamped_line
 
 
 class Terminal(io.StringIO):
@@ -20,9 +20,9 @@ class Terminal(io.StringIO):
 
 def test_a_line_of_a_log_begins_with_the_time(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sys, "stderr", io.StringIO())
-    assert re.fullmatch(r"[0-2][0-9]:[0-5][0-9]:[0-5][0-9] runs: 40", stamped("runs: 40"))
+    assert re.fullmatch(r"[0-2][0-9]:[0-5][0-9]:[0-5][0-9] runs: 40", stamped_line("runs: 40"))
 
 
 def test_a_line_on_a_terminal_does_not(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sys, "stderr", Terminal())
-    assert stamped("runs: 40") == "runs: 40"
+    assert stamped_line("runs: 40") == "runs: 40"

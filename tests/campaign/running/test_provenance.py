@@ -7,7 +7,7 @@ import sys
 
 import pytest
 
-from lvnav_trade.campaign.running.provenance import RECORD_HOST, asked_by, without_folders
+from lvnav_trade.campaign.running.provenance import RECORD_HOST, command_record, without_folders
 
 PRIVATE = "users/ann lee/secret"
 ARGUMENTS = [
@@ -19,7 +19,7 @@ ARGUMENTS = [
 def test_arguments_keep_the_names_of_files_and_no_folder(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv(RECORD_HOST, raising=False)
     monkeypatch.setattr(sys, "argv", ["lvnav-trade", *ARGUMENTS])
-    assert asked_by() == {
+    assert command_record() == {
         "command": [
             "run", "my.yaml", "--out=results", "--set", "constellation.almanac=a.alm", "--set",
             "base={trajectory: t.csv, x: [u.csv]}", "campaigns/demo.yaml", "a/b=1/2",
@@ -30,7 +30,7 @@ def test_arguments_keep_the_names_of_files_and_no_folder(monkeypatch: pytest.Mon
 def test_folders_and_host_are_kept_where_they_are_wanted(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv(RECORD_HOST, "1")
     monkeypatch.setattr(sys, "argv", ["lvnav-trade", *ARGUMENTS])
-    found = asked_by()
+    found = command_record()
     assert (found["command"], found["host"]) == (ARGUMENTS, platform.node())
     assert without_folders("OSError: /users/ann/x: gone") == "OSError: /users/ann/x: gone"
 
@@ -52,4 +52,4 @@ def test_addresses_are_kept_whole_but_for_their_credentials(monkeypatch: pytest.
     given = ["--copy-to", "memory://user:SECRET@host/x", "--copy-to=s3://KEY:SEC/RET@b/x", "https://h/c?sig=SECRET"]
     monkeypatch.setattr(sys, "argv", ["lvnav-trade", *given])
     kept = ["--copy-to", "memory://***@host/x", "--copy-to=s3://***@b/x", "https://h/c?***"]
-    assert asked_by()["command"] == kept
+    assert command_record()["command"] == kept

@@ -63,9 +63,9 @@ def test_the_trace_holds_every_covariance_step_with_the_unit_in_every_name(again
 
 
 def test_the_events_come_in_time_order_in_the_units_of_people(again: replay.RunReplay) -> None:
-    names = [name for name, *_ in again.at_events]
+    names = [name for name, *_ in again.event_errors]
     assert names == ["liftoff", "end0", "end1"]
-    _, t, sizes, units = again.at_events[-1]
+    _, t, sizes, units = again.event_errors[-1]
     row = again.trace[again.trace.t_s == t].iloc[0]
     norm = np.linalg.norm([row[f"attitude_{axis}_error_rad"] for axis in ("roll", "pitch", "yaw")])
     assert sizes["attitude"] == pytest.approx(1e3 * norm, rel=1e-12)
@@ -89,8 +89,8 @@ def test_a_worst_run_over_time_is_the_same_run(again: replay.RunReplay, tmp_path
     written: dict[str, object] = {}
 
     class Results:
-        def write_traces(self, case: str, prepared: Any, blocks: Any) -> None:
-            written.update(trace_columns(prepared.outputs, blocks), case=case)
+        def write_traces(self, case: str, prepared_case: Any, blocks: Any) -> None:
+            written.update(trace_columns(prepared_case.outputs, blocks), case=case)
 
     campaign = load("campaigns/smoke.yaml")
     case = cases(campaign)[0]
@@ -108,7 +108,7 @@ def test_a_worst_run_over_time_is_the_same_run(again: replay.RunReplay, tmp_path
 
 def test_a_worst_run_that_is_lost_is_named(found: list[Case], study, tmp_path: Path) -> None:
     class Results:
-        def write_traces(self, case: str, prepared: Any, blocks: Any) -> None:
+        def write_traces(self, case: str, prepared_case: Any, blocks: Any) -> None:
             raise ValueError("no room")
 
     engine = fakes.Fake().engine()

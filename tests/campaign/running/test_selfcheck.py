@@ -19,7 +19,7 @@ class Watch(Progress):
     def __init__(self):
         self.heard = []
 
-    def stage(self, name, total, alike=True):
+    def stage(self, name, total, is_uniform=True):
         self.heard.append((name, total))
 
     def advance(self, count):
@@ -31,8 +31,8 @@ def checked(monkeypatch):
     def fake(scenario, seed, history):
         own = 0.25 if scenario.filter.tight else 0.5
         return [
-            CheckResult("draws", "shared", 0.1 * seed, law=stats.norm()),
-            CheckResult("Jacobian", "own", own, high=0.3),
+            CheckResult("draws", "shared", 0.1 * seed, distribution=stats.norm()),
+            CheckResult("Jacobian", "own", own, upper_limit=0.3),
         ]
 
     monkeypatch.setattr(selfcheck, "check_scenario", fake)
@@ -43,7 +43,7 @@ def checked(monkeypatch):
 def test_what_cases_have_in_common_is_said_once_and_each_case_is_counted(checked):
     found, watch = checked
     loose, tight = "filter=loose", "filter=tight"
-    assert [(one.check.what, one.cases, one.check.verdict) for one in found] == [
+    assert [(one.check.quantity, one.cases, one.check.verdict) for one in found] == [
         ("shared", (loose, tight), "passed"), ("own", (loose,), "failed"), ("own", (tight,), "passed"),
     ]  # fmt: skip
     assert watch.heard == [("self-check", 2), 1, 1]
@@ -51,5 +51,5 @@ def test_what_cases_have_in_common_is_said_once_and_each_case_is_counted(checked
 
 def test_the_bounds_of_a_statistic_are_those_of_all_statistics_together(checked):
     (shared, *others), _ = checked
-    assert shared.check.high == pytest.approx(stats.norm.isf(FAMILY / 2.0))
-    assert {one.check.high for one in others} == {0.3}
+    assert shared.check.upper_limit == pytest.approx(stats.norm.isf(FAMILY / 2.0))
+    assert {one.check.upper_limit for one in others} == {0.3}

@@ -10,7 +10,7 @@ import pytest
 
 from lvnav_trade.campaign.reading.load import load
 from lvnav_trade.campaign.running import execute, shards
-from lvnav_trade.campaign.running.conduct import Conduct, Scope
+from lvnav_trade.campaign.running.conduct import RunOptions, Scope
 from lvnav_trade.campaign.running.shards import Shard
 from lvnav_trade.quantities.errors import InputError
 from lvnav_trade.results.tables.versions import environment
@@ -20,7 +20,7 @@ TWO = "axes: [{path: imu, cards: [imu/good, imu/poor]}]\nmonte_carlo: {runs: 100
 
 @pytest.mark.parametrize(("units", "total"), [(12, 1), (12, 5), (7, 3), (2, 4)])
 def test_every_unit_of_work_is_in_one_shard_and_their_sizes_differ_by_one(units: int, total: int) -> None:
-    parts = [Shard(number, total).of(range(units)) for number in range(1, total + 1)]
+    parts = [Shard(number, total).select(range(units)) for number in range(1, total + 1)]
     assert [unit for part in parts for unit in part] == list(range(units))
     sizes = {len(part) for part in parts}
     assert max(sizes) - min(sizes) <= 1
@@ -38,8 +38,8 @@ def flown(fake) -> list[tuple[str, int, int]]:
 
 
 def fly(campaign, place, part, fake, store):
-    conduct, scope = Conduct(jobs=1), Scope(shard=part)
-    return execute.run(campaign, place, conduct, scope, engine=fake.engine(), keep=store)
+    conduct, scope = RunOptions(jobs=1), Scope(shard=part)
+    return execute.run(campaign, place, conduct, scope, engine=fake.engine(), store=store)
 
 
 def share(study, fakes, number: int, total: int, folder: str = "shared"):
@@ -106,7 +106,7 @@ def changed(place: Path, number: int, **content: object) -> None:
 def test_all_shards_of_a_campaign_are_found_in_their_order(place: Path) -> None:
     (place / "merged").mkdir()
     (place / "shard-notes").mkdir()
-    assert shards.complete(place) == [place / "shard-1-of-2", place / "shard-2-of-2"]
+    assert shards.all_shard_folders(place) == [place / "shard-1-of-2", place / "shard-2-of-2"]
 
 
 @pytest.mark.parametrize(
@@ -121,27 +121,27 @@ def test_all_shards_of_a_campaign_are_found_in_their_order(place: Path) -> None:
 def test_shards_that_do_not_belong_together_are_refused(place: Path, content, said) -> None:
     changed(place, 2, **content)
     with pytest.raises(InputError, match=f"shard-2-of-2: {said}$"):
-        shards.complete(place)
+        shards.all_shard_folders(place)
 
 
 def test_shards_of_another_code_are_refused(place: Path) -> None:
     for number in (1, 2):
         changed(place, number, code_digest="other")
     with pytest.raises(InputError, match=r"was computed by another code .*; merge with the code of the shards$"):
-        shards.complete(place)
+        shards.all_shard_folders(place)
 
 
 def test_a_folder_without_all_shards_is_refused(place: Path, tmp_path: Path) -> None:
     shutil.rmtree(place / "shard-1-of-2")
     with pytest.raises(InputError, match=r": of 2 shards these are missing: 1$"):
-        shards.complete(place)
+        shards.all_shard_folders(place)
     (place / "shard-1-of-3").mkdir()
     with pytest.raises(InputError, match=r": holds shards of 2 and of 3; keep those of one division$"):
-        shards.complete(place)
+        shards.all_shard_folders(place)
     with pytest.raises(InputError, match=r"nowhere: no shards here \(no folder shard-1-of-2 or the like\)$"):
-        shards.complete(place / "nowhere")
+        shards.all_shard_folders(place / "nowhere")
     (place / "shard-2-of-2" / "manifest.json").write_text("{")
     shutil.rmtree(place / "shard-1-of-3")
     (place / "shard-1-of-2").mkdir()
     with pytest.raises(InputError, match=r"manifest.json: cannot be read: "):
-        shards.complete(place)
+        shards.all_shard_folders(place)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from lvnav_trade.campaign.running.status import CaseStatus, locked, status
+from lvnav_trade.campaign.running.status import CaseStatus, folder_lock, status
 from lvnav_trade.quantities.errors import InputError
 from lvnav_trade.results.tables.parts import paths
 from tests import synthetic
@@ -42,9 +42,9 @@ def folder(made: Path, tmp_path: Path) -> Path:
 
 def test_finished_results_are_finished(folder: Path) -> None:
     found = status(folder)
-    assert (found.state, found.asked, found.stored, found.failed) == ("finished", 200, 200, 4)
+    assert (found.state, found.required_runs, found.stored_runs, found.failed_runs) == ("finished", 200, 200, 4)
     assert found.cases[0] == CaseStatus("aaaaaaaaaaaa", "imu=fine", 100, 100, 2)
-    assert found.damaged == found.lost == ()
+    assert found.damaged_files == found.lost_items == ()
     assert found.text.splitlines()[0] == f"{folder}: finished: 200 of 200 runs are stored, 4 of them failed"
 
 
@@ -60,18 +60,18 @@ def test_a_campaign_that_ended_early_is_unfinished_and_says_what_is_left(folder:
     for path in paths(folder / "parts" / CASES[1])[1:]:
         path.unlink()
     found = status(folder)
-    assert (found.state, found.stored) == ("unfinished", 140)
-    assert [case.stored for case in found.cases] == [100, 40]
+    assert (found.state, found.stored_runs) == ("unfinished", 140)
+    assert [case.stored_runs for case in found.cases] == [100, 40]
     assert found.text.startswith(f"{folder}: unfinished; the same command resumes: 140 of 200 runs are stored")
 
 
 def test_a_last_block_that_more_runs_would_replace_does_not_count(folder: Path) -> None:
     asked(folder, 200, finished=False)
-    assert [case.stored for case in status(folder).cases] == [80, 80]
+    assert [case.stored_runs for case in status(folder).cases] == [80, 80]
 
 
 def test_whoever_works_on_it_is_named(folder: Path) -> None:
-    with locked(folder):
+    with folder_lock(folder):
         found = status(folder)
     assert found.state == "running"
     assert found.text.startswith(f"{folder}: running, process ")
@@ -82,8 +82,8 @@ def test_a_damaged_block_is_named_and_does_not_count(folder: Path) -> None:
     path = paths(folder / "parts" / CASES[0])[1]
     path.write_bytes(path.read_bytes()[:-100])
     found = status(folder)
-    assert (found.state, found.stored) == ("damaged", 160)
-    assert found.damaged[0].startswith(f"{path}: damaged part: ")
+    assert (found.state, found.stored_runs) == ("damaged", 160)
+    assert found.damaged_files[0].startswith(f"{path}: damaged part: ")
     assert found.text.startswith(f"{folder}: damaged; the same command mends it: 160 of 200")
 
 
@@ -94,7 +94,10 @@ def test_a_damaged_or_missing_table_is_named(folder: Path) -> None:
     (folder / "history.parquet").write_bytes(content)
     found = status(folder)
     assert found.state == "damaged"
-    assert sorted(Path(line.partition(": ")[0]).name for line in found.damaged) == ["budget.parquet", "history.parquet"]
+    assert sorted(Path(line.partition(": ")[0]).name for line in found.damaged_files) == [
+        "budget.parquet",
+        "history.parquet",
+    ]
 
 
 def test_what_was_lost_is_reported(folder: Path) -> None:

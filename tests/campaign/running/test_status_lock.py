@@ -13,14 +13,14 @@ from pathlib import Path
 import pytest
 from filelock import FileLock
 
-from lvnav_trade.campaign.running.status import holder, locked
+from lvnav_trade.campaign.running.status import folder_lock, holder
 from lvnav_trade.quantities.errors import InputError
 
 HOLD = """\
 import sys, time
 from pathlib import Path
-from lvnav_trade.campaign.running.status import locked
-with locked(Path(sys.argv[1])):
+from lvnav_trade.campaign.running.status import folder_lock
+with folder_lock(Path(sys.argv[1])):
     print("held", flush=True)
     time.sleep(600)
 """
@@ -29,22 +29,22 @@ ROOT = Path(__file__).resolve().parents[3]
 
 def test_two_do_not_share_a_folder_and_two_folders_are_two(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    with locked(Path("results")):
-        with locked(Path("others")):
+    with folder_lock(Path("results")):
+        with folder_lock(Path("others")):
             pass
         with (
             pytest.raises(
                 InputError,
                 match=r"^results: process \d+ on .* these results; wait, or give another folder$",
             ),
-            locked(Path("results")),
+            folder_lock(Path("results")),
         ):
             pass
 
 
 def test_who_holds_the_lock_is_known_to_whoever_asks(tmp_path: Path) -> None:
     assert holder(tmp_path) == holder(tmp_path / "none") == ""
-    with locked(tmp_path):
+    with folder_lock(tmp_path):
         assert holder(tmp_path) == f"process {os.getpid()} on {platform.node()}"
         assert holder(tmp_path).startswith("process")  # asking takes nothing away
     assert holder(tmp_path) == ""
@@ -55,13 +55,13 @@ def test_a_file_system_without_locks_is_reported(tmp_path: Path, monkeypatch: py
         raise OSError(37, "No locks available")
 
     monkeypatch.setattr(FileLock, "acquire", refuse)
-    with pytest.raises(InputError, match=r"cannot be locked: No locks available$"), locked(tmp_path):
+    with pytest.raises(InputError, match=r"cannot be locked: No locks available$"), folder_lock(tmp_path):
         pass
 
 
 def test_the_lock_is_given_back_even_after_an_error(tmp_path: Path) -> None:
     for _ in range(2):
-        with pytest.raises(ZeroDivisionError), locked(tmp_path):
+        with pytest.raises(ZeroDivisionError), folder_lock(tmp_path):
             raise ZeroDivisionError
 
 
@@ -72,17 +72,17 @@ def test_a_process_that_is_killed_leaves_no_lock(tmp_path: Path) -> None:
     )
     assert process.stdout is not None
     assert process.stdout.readline() == "held\n"
-    with pytest.raises(InputError, match=r"process .* is working"), locked(tmp_path):
+    with pytest.raises(InputError, match=r"process .* is working"), folder_lock(tmp_path):
         pass
     process.send_signal(signal.SIGKILL)
     process.wait(600)
     process.stdout.close()
-    with locked(tmp_path):
+    with folder_lock(tmp_path):
         pass
 
 
 def test_a_folder_that_is_not_there_is_made(tmp_path: Path) -> None:
-    with locked(tmp_path / "a" / "b"):
+    with folder_lock(tmp_path / "a" / "b"):
         assert (tmp_path / "a" / "b").is_dir()
 
 
@@ -105,7 +105,7 @@ def test_a_file_in_place_of_the_folder_is_refused(tmp_path: Path, monkeypatch: p
     monkeypatch.chdir(tmp_path)
     Path("results").write_text("")
     for folder in ("results", "results/deeper"):
-        with pytest.raises(InputError, match=rf"^{folder}: cannot be written: "), locked(Path(folder)):
+        with pytest.raises(InputError, match=rf"^{folder}: cannot be written: "), folder_lock(Path(folder)):
             pass
 
 
@@ -114,27 +114,27 @@ def test_a_full_disk_is_no_mistake_of_the_user(tmp_path: Path, monkeypatch: pyte
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(Path, "touch", full)
-    with pytest.raises(OSError, match="No space left"), locked(tmp_path):
+    with pytest.raises(OSError, match="No space left"), folder_lock(tmp_path):
         pass
 
 
 def test_a_file_of_another_tool_is_not_taken_for_a_lock(tmp_path: Path) -> None:
     (tmp_path / ".lock").write_text("mine\n")
     reported = r"\.lock: is no lock of lvnav-trade; move it, or give another folder$"
-    with pytest.raises(InputError, match=reported), locked(tmp_path):
+    with pytest.raises(InputError, match=reported), folder_lock(tmp_path):
         pass
     assert (tmp_path / ".lock").read_text() == "mine\n"
 
 
 def test_the_name_of_the_machine_stays_no_longer_than_the_lock(tmp_path: Path) -> None:
-    with locked(tmp_path):
+    with folder_lock(tmp_path):
         assert (tmp_path / ".lock-holder").read_text() == f"{os.getpid()} on {platform.node()}"
     assert not (tmp_path / ".lock-holder").exists()
 
 
 def test_a_lock_of_an_earlier_version_is_taken(tmp_path: Path) -> None:
     (tmp_path / ".lock").write_text("12 on host")
-    with locked(tmp_path):
+    with folder_lock(tmp_path):
         assert holder(tmp_path) == f"process {os.getpid()} on {platform.node()}"
 
 
@@ -153,7 +153,7 @@ def test_neither_a_link_nor_a_pipe_nor_a_file_of_the_user_is_written_to(tmp_path
         make(folder / name)
         with (
             pytest.raises(InputError, match=r"is no lock of lvnav-trade; move it|is not a regular file"),
-            locked(folder),
+            folder_lock(folder),
         ):
             pass
         assert precious.read_text() == "precious"
@@ -166,5 +166,5 @@ def test_neither_a_link_nor_a_pipe_nor_a_file_of_the_user_is_written_to(tmp_path
 
 def test_the_holder_that_a_killed_process_left_is_replaced(tmp_path: Path) -> None:
     (tmp_path / ".lock-holder").write_text("12 on host")
-    with locked(tmp_path):
+    with folder_lock(tmp_path):
         assert holder(tmp_path) == f"process {os.getpid()} on {platform.node()}"

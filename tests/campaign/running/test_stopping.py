@@ -13,7 +13,7 @@ import pytest
 
 from lvnav_trade.campaign.reading.load import load
 from lvnav_trade.campaign.running import execute
-from lvnav_trade.campaign.running.conduct import Conduct
+from lvnav_trade.campaign.running.conduct import RunOptions
 from lvnav_trade.campaign.running.stopping import Stopping, violating_runs
 from lvnav_trade.quantities.errors import InputError
 from lvnav_trade.results.requirements.requirements import decide, errors_of
@@ -38,7 +38,7 @@ def campaign(study):
 def flown(fakes, campaign, folder, jobs=1, **how):
     fake = fakes.Fake(**how)
     folder.mkdir(parents=True, exist_ok=True)
-    execute.run(campaign, folder, Conduct(jobs), engine=fake.engine(), keep=fakes.store())
+    execute.run(campaign, folder, RunOptions(jobs), engine=fake.engine(), store=fakes.store())
     return fake, {label: len(row[2]) for label, row in fakes.tables(folder).items()}
 
 
@@ -57,8 +57,8 @@ def test_the_runs_do_not_depend_on_the_number_of_workers(fakes, campaign, tmp_pa
         "import sys, fakes\nfrom pathlib import Path\n"
         "from lvnav_trade.campaign.reading import load\nfrom lvnav_trade.campaign.running import conduct, execute\n"
         "folder = Path(sys.argv[2]); folder.mkdir()\n"
-        "execute.run(load.load('campaign.yaml'), folder, conduct.Conduct(int(sys.argv[1])),"
-        " engine=fakes.Fake().engine(), keep=fakes.store())\n"
+        "execute.run(load.load('campaign.yaml'), folder, conduct.RunOptions(int(sys.argv[1])),"
+        " engine=fakes.Fake().engine(), store=fakes.store())\n"
     )
     here = Path(__file__).resolve().parents[1]
     environment = {**os.environ, "PYTHONPATH": f"{here}{os.pathsep}{here.parents[1]}"}
@@ -151,11 +151,11 @@ def test_what_a_block_counts_is_what_the_verdicts_count(tmp_path):
     for first in (0, 40):
         block = synthetic.block(cov, first, 40, failing=(3, 50))
         summary = summarise(block, synthetic.EVENTS, cov.true_sigma, synthetic.OUTPUTS)
-        counts.append(violating_runs(asked, "aaaaaaaaaaaa", synthetic.prepared(), cov, summary))
+        counts.append(violating_runs(asked, "aaaaaaaaaaaa", synthetic.prepared_case(), cov, summary))
     total = [None if None in pair else sum(pair) for pair in zip(*counts, strict=True)]
     bounds = (0.4, 35.0, 100.0)
     on_disk = [
-        int(np.sum(errors_of(stored, "aaaaaaaaaaaa", one).size >= bound))
+        int(np.sum(errors_of(stored, "aaaaaaaaaaaa", one).magnitude >= bound))
         for one, bound in zip(asked[:3], bounds, strict=True)
     ]
     assert total == [*on_disk, None]

@@ -16,7 +16,7 @@ from lvnav_trade.campaign.definition.axes import Case, cases
 from lvnav_trade.campaign.reading.load import load
 from lvnav_trade.campaign.running import conduct, work
 from lvnav_trade.campaign.running.plan import Block
-from lvnav_trade.campaign.running.pool import each
+from lvnav_trade.campaign.running.pool import map_items
 from lvnav_trade.campaign.running.work import Job
 from lvnav_trade.quantities.errors import InputError, Mistake
 from lvnav_trade.quantities.records import CovarianceRequest
@@ -49,63 +49,63 @@ def job(study, fakes):
 
 def test_linear_covariance_is_computed_once_and_left_for_all_workers(job, case: Case) -> None:
     fake, todo = job()
-    first = work.answer(todo, case)
+    first = work.compute_covariance(todo, case)
     scratch.clear_cache()  # as another process
-    assert work.answer(todo, case) == first
+    assert work.compute_covariance(todo, case) == first
     assert [call.what for call in fake.calls] == ["covariance"]
     assert [file.name for file in Path("scratch").iterdir()] == [f"{case.id}.1.0.covariance"]
 
 
 def test_an_answer_that_fails_is_reported_in_one_line(job, case: Case) -> None:
-    def broken(prepared: Any) -> None:
+    def broken(prepared_case: Any) -> None:
         raise ValueError("first line\nsecond line")
 
     _, todo = job(on_covariance=broken)
-    assert work.answer(todo, case).error == "ValueError: first line"
+    assert work.compute_covariance(todo, case).error == "ValueError: first line"
     assert not list(Path().glob("scratch/*"))  # nothing half written
 
 
 def test_an_error_without_words_is_reported_by_its_name(job, case: Case) -> None:
-    def broken(prepared: Any) -> None:
+    def broken(prepared_case: Any) -> None:
         raise KeyError
 
     _, todo = job(on_covariance=broken)
-    assert work.answer(todo, case).error == "KeyError: no message"
+    assert work.compute_covariance(todo, case).error == "KeyError: no message"
 
 
 def test_a_full_disk_stops_the_campaign(job, case: Case) -> None:
-    def broken(prepared: Any) -> None:
+    def broken(prepared_case: Any) -> None:
         raise OSError(28, "No space left on device")
 
     _, todo = job(on_covariance=broken)
     with pytest.raises(OSError, match="No space left"):
-        work.answer(todo, case)
+        work.compute_covariance(todo, case)
 
 
 def test_a_users_mistake_is_handed_back_as_one(job, case: Case) -> None:
-    def broken(prepared: Any) -> None:
+    def broken(prepared_case: Any) -> None:
         raise InputError(records=[Mistake("not so", "receiver.latency")])
 
     _, todo = job(on_covariance=broken)
-    assert work.answer(todo, case).mistakes == (Mistake("not so", "receiver.latency"),)
+    assert work.compute_covariance(todo, case).mistakes == (Mistake("not so", "receiver.latency"),)
 
 
 def test_an_answer_holds_the_mean_error_too(job, case: Case) -> None:
     _, todo = job()
-    still = {row[0]: row[1:3] for row in work.answer(todo, case).rows}
+    still = {row[0]: row[1:3] for row in work.compute_covariance(todo, case).rows}
     _, todo = job(mean=1.5)
-    biased = {row[0]: row[1:3] for row in work.answer(todo._replace(scratch=Path("other")), case).rows}
+    biased = {row[0]: row[1:3] for row in work.compute_covariance(todo._replace(scratch=Path("other")), case).rows}
     assert biased["position"][0] == pytest.approx(math.hypot(still["position"][0], 1.5 * math.sqrt(3.0)))
     assert biased["position"][1] == still["position"][1]
 
 
 def test_a_block_is_flown_stored_and_its_failed_runs_are_reported(job, case: Case) -> None:
     _, todo = job(on_block=lambda first, n: [first + 3])
-    work.answer(todo, case)
-    done = work.fly(todo, Block(case, 40, 20))
+    work.compute_covariance(todo, case)
+    done = work.simulate_block(todo, Block(case, 40, 20))
     assert (done.first_run, done.n_run, done.error) == (40, 20, "")
     assert done.failures == ((43, "diverged at 1.5 s"),)
-    assert todo.results.done(case.id) == [(40, 20)]
+    assert todo.results.block_spans(case.id) == [(40, 20)]
 
 
 def test_a_block_that_breaks_is_lost_and_stores_nothing(job, case: Case) -> None:
@@ -113,9 +113,9 @@ def test_a_block_that_breaks_is_lost_and_stores_nothing(job, case: Case) -> None
         raise FloatingPointError("overflow")
 
     _, todo = job(on_block=broken)
-    work.answer(todo, case)
-    assert work.fly(todo, Block(case, 0, 40)).error == "FloatingPointError: overflow"
-    assert todo.results.done(case.id) == []
+    work.compute_covariance(todo, case)
+    assert work.simulate_block(todo, Block(case, 0, 40)).error == "FloatingPointError: overflow"
+    assert todo.results.block_spans(case.id) == []
 
 
 def test_a_worker_keeps_two_prepared_cases_and_no_more(study, job) -> None:
@@ -123,7 +123,7 @@ def test_a_worker_keeps_two_prepared_cases_and_no_more(study, job) -> None:
     study.append("axes: [{path: filter.gate, values: [3, 4, 5]}]\n")
     found = cases(load(study.path))
     for case in found:
-        work.answer(todo, case)
+        work.compute_covariance(todo, case)
     assert [key[1] for key in work._prepared_cases] == [case.id for case in found[-2:]]
 
 
@@ -158,18 +158,18 @@ def test_an_orbit_out_of_reach_is_reported_with_the_field_that_asks_for_it(study
 
 def test_what_is_behind_a_covariance_is_found_once_and_reported_to_the_store(job, case: Case, fakes) -> None:
     fake, todo = job()
-    work.answer(todo, case)
+    work.compute_covariance(todo, case)
     assert work.diagnose(todo, case).error == ""
     work.diagnose(todo, case)
     assert [call.what for call in fake.calls] == ["covariance", "explain"]
-    work.close(todo, case, 0)
+    work.write_tables(todo, case, 0)
     (row,) = fakes.tables(Path()).values()
     assert row[3][0] == "explained"
 
 
 def test_another_question_is_answered_anew(job, case: Case) -> None:
     fake, todo = job()
-    work.answer(todo, case)
+    work.compute_covariance(todo, case)
     work.diagnose(todo, case)
     work.diagnose(todo._replace(request=CovarianceRequest(sensitivity=True)), case)
     assert [call.what for call in fake.calls] == ["covariance", "explain", "explain"]
@@ -205,7 +205,7 @@ def test_a_worker_does_not_search_what_it_has_loaded_for_garbage_and_a_process_o
     before = gc.get_freeze_count()
     work.begin_worker()
     assert gc.get_freeze_count() == before
-    assert min(each(2, gc.get_freeze_count, [()] * 4)) > 50_000
+    assert min(map_items(2, gc.get_freeze_count, [()] * 4)) > 50_000
 
 
 def test_an_interrupt_within_compiled_code_is_no_error_of_a_unit_of_work() -> None:
@@ -219,4 +219,4 @@ def test_an_interrupt_within_compiled_code_is_no_error_of_a_unit_of_work() -> No
         raise error
 
     with pytest.raises(KeyboardInterrupt):
-        conduct.answer_or_ahead(None, None, ahead)  # type: ignore[arg-type]
+        conduct.covariance_or_advance_work(None, None, ahead)  # type: ignore[arg-type]

@@ -22,5 +22,5 @@ def test_indices_of_a_flight_stand_beside_its_budget() -> None:
     assert frame.frozen_first.sum() == pytest.approx(1.0)
     assert (frame.retuned_total >= frame.retuned_first - 0.02).all()
     assert list(frame.share_ratio) == sorted(frame.share_ratio, reverse=True)
-    assert made.covered == pytest.approx(frame.share_ratio.sum())
-    assert made.predicted > 0.9
+    assert made.covered_share == pytest.approx(frame.share_ratio.sum())
+    assert made.determination > 0.9

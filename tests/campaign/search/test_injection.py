@@ -13,7 +13,7 @@ from lvnav_trade.campaign.search.indices import indices
 from lvnav_trade.campaign.search.tune import tune
 from lvnav_trade.covariance.history import covariance
 from lvnav_trade.quantities.errors import InputError
-from lvnav_trade.results.requirements.improvements import asked_of
+from lvnav_trade.results.requirements.improvements import evaluate_requirement
 from lvnav_trade.simulation.preparation.prepare import prepare
 
 LOST = "base.faults=[{kind: satellite_outage, from: injection - 240 s}]"
@@ -32,15 +32,15 @@ def campaign(metric="injection_semi_major_axis_error", below="5 km"):
 def test_indices_of_an_injection_are_those_of_its_budget_by_source() -> None:
     made = indices(campaign(), Indices(requirement="orbit", sources=2, factor=1.5, samples=16))
     stated = campaign()
-    prepared = prepare(cases(stated)[0].scenario, 60.0)
-    results = CaseArrays(prepared, covariance(prepared))
-    law = asked_of(results, stated.requirements[0].model_dump(mode="json")).distribution.law
+    prepared_case = prepare(cases(stated)[0].scenario, 60.0)
+    results = CaseArrays(prepared_case, covariance(prepared_case))
+    law = evaluate_requirement(results, stated.requirements[0].model_dump(mode="json")).distribution.law
     parts = {name: float(np.trace(part)) for name, part in law.sources.items()}
     total = float(np.trace(law.covariance) + law.mean @ law.mean)
     for row in made.indices.itertuples():
         assert row.share_ratio == pytest.approx(parts[row.source] / total, rel=1e-6)
-    assert made.covered > 0.3  # with the receiver lost, two errors of the unit exceed the spreads of the vehicle
-    assert made.predicted > 0.9
+    assert made.covered_share > 0.3  # with the receiver lost, two errors of the unit exceed the spreads of the vehicle
+    assert made.determination > 0.9
     assert (made.indices.retuned_total >= made.indices.retuned_first - 0.02).all()
 
 

@@ -8,18 +8,18 @@ import pytest
 from lvnav_trade.campaign.definition.axes import cases
 from lvnav_trade.campaign.definition.searches import Solve, Vary
 from lvnav_trade.campaign.reading.load import load
-from lvnav_trade.campaign.search.solve import from_words, solve, span
+from lvnav_trade.campaign.search.solve import parse_problem, solve, span
 from lvnav_trade.quantities.errors import InputError
-from lvnav_trade.report.search import solved
+from lvnav_trade.report.search import solution_blocks
 
 
 def test_the_words_of_the_command_line_are_the_block_of_the_campaign() -> None:
-    asked = from_words(["initial.heading=0.01 deg:2 deg"], log=True, meet=["x"])
+    asked = parse_problem(["initial.heading=0.01 deg:2 deg"], log=True, meet=["x"])
     assert asked == Solve(vary=(Vary(path="initial.heading", between=("0.01 deg", "2 deg"), log=True),), meet=("x",))
     ends, grid = span(asked.vary[0])
     assert (ends.unit, grid[0], grid[-1]) == ("deg", 0.01, pytest.approx(2.0))
     with pytest.raises(InputError, match="should be PATH=LEAST:LARGEST"):
-        from_words(["initial.heading"], log=False, meet=[])
+        parse_problem(["initial.heading"], log=False, meet=[])
     with pytest.raises(InputError, match="a logarithm needs ends above zero"):
         span(Vary(path="x", between=("0 deg", "1 deg"), log=True))
 
@@ -49,7 +49,7 @@ def test_frozen_and_re_tuned_are_found_on_a_flight_and_runs_confirm_both_sides(c
 
 
 def test_an_unknown_requirement_is_refused(campaign) -> None:
-    asked = from_words(["initial.tilt=0.01 deg:1 deg"], log=False, meet=["rol"])
+    asked = parse_problem(["initial.tilt=0.01 deg:1 deg"], log=False, meet=["rol"])
     with pytest.raises(InputError, match="no requirement 'rol'"):
         solve(campaign, asked)
 
@@ -61,5 +61,5 @@ def test_an_answer_that_linear_covariance_does_not_describe_says_so_in_its_table
     found = solve(campaign, Solve(vary=(Vary(path="initial.tilt", values=("0.01 deg", "0.02 deg")),)))
     assert found.answers.remark.str.contains("met up to the largest value; not applicable, confirm by runs").all()
     assert found.answers.remark.str.contains("a logic of its own").all()
-    said = solved(found.answers, found.intervals, found.scanned, found.confirmed, found.names)[0]
+    said = solution_blocks(found.answers, found.intervals, found.scanned, found.confirmed, found.names)[0]
     assert "Not applicable, confirm by runs: the filter starts" in str(said)

@@ -6,7 +6,7 @@ import numpy as np
 import pyarrow as pa
 
 from lvnav_trade.campaign.definition.run_counts import MonteCarlo
-from lvnav_trade.campaign.space.design_plan import AT_RANDOM, front, nearest, select_designs
+from lvnav_trade.campaign.space.design_plan import AT_RANDOM, front_rows, nearest_rows, select_designs
 
 N = 60
 
@@ -45,7 +45,7 @@ def test_the_draw_is_that_of_the_seed(campaign) -> None:
 
 def test_no_design_on_the_front_is_dominated_and_every_other_is() -> None:
     found = table()
-    rows = front(found, np.arange(N))
+    rows = front_rows(found, np.arange(N))
     values = np.stack([found["error_ratio"].to_numpy(), found["cost"].to_numpy()], axis=1)
 
     def dominated(k: int) -> bool:
@@ -59,6 +59,6 @@ def test_impossible_designs_and_those_without_numbers_are_never_chosen(campaign)
     ratio[:5] = [0.0, 0.5, 1.1, 3.0, 0.9]
     case = ["", *(f"{k:x}" for k in range(1, N))]
     found = table(error_ratio=ratio, case=case)
-    assert list(nearest(np.arange(1, N), ratio)) == [2, 4, 1, 3]
+    assert list(nearest_rows(np.arange(1, N), ratio)) == [2, 4, 1, 3]
     assert 100 not in [number for group in select_designs(found, campaign).values() for number in group]
     assert select_designs(found, campaign)["best"] == [101]

@@ -7,7 +7,7 @@ import json
 import numpy as np
 import pytest
 
-from lvnav_trade.campaign.search.point import frozen, look
+from lvnav_trade.campaign.search.point import evaluate_requirements, frozen_filter
 from lvnav_trade.campaign.space.evaluate_designs import EvaluationRequest, evaluate, metrics_of
 from lvnav_trade.campaign.space.numbered_designs import DesignSpace
 from lvnav_trade.campaign.space.passes import HISTORY, shared_axes
@@ -21,35 +21,35 @@ def question(campaign, shared=()) -> EvaluationRequest:
 
 def test_a_row_has_the_numbers_that_a_search_finds(campaign) -> None:
     designs = DesignSpace(campaign)
-    rows = evaluate(question(campaign), designs.part(range(4)))
+    rows = evaluate(question(campaign), designs.batch(range(4)))
     assert rows.passes == 4
     assert not any(rows.texts["reason"])
     for number in range(4):
         case = designs.case(number)
-        found = look(campaign, case.scenario)["fast"]
+        found = evaluate_requirements(campaign, case.scenario)["fast"]
         assert rows.texts["case"][number] == case.id
-        assert rows.numbers["fast_quantile_m_per_s"][number] == pytest.approx(found.estimate, rel=1e-9)
-        assert rows.numbers["fast_probability_ratio"][number] == pytest.approx(found.probability, rel=1e-9)
-        assert rows.numbers["error_ratio"][number] == pytest.approx(found.ratio, rel=1e-9)
+        assert rows.number_columns["fast_quantile_m_per_s"][number] == pytest.approx(found.estimate, rel=1e-9)
+        assert rows.number_columns["fast_probability_ratio"][number] == pytest.approx(found.probability, rel=1e-9)
+        assert rows.number_columns["error_ratio"][number] == pytest.approx(found.ratio, rel=1e-9)
         verdict = "met" if found.probability >= 0.9973 else "violated"
         assert json.loads(rows.texts["verdicts"][number]) == {"fast": verdict}
         assert rows.texts["verdict"][number] == verdict
-        assert rows.numbers["cost"][number] > 0.0
+        assert rows.number_columns["cost"][number] > 0.0
 
 
 def test_designs_that_differ_in_true_sigmas_share_passes_and_have_the_same_rows(campaign) -> None:
-    base = campaign.base.model_copy(update={"filter": frozen(campaign.base)})
+    base = campaign.base.model_copy(update={"filter": frozen_filter(campaign.base)})
     axes = campaign.axes[:2]
     alone = campaign.model_copy(update={"base": base, "axes": axes})
     designs = DesignSpace(alone)
     shared = shared_axes(designs, HISTORY)
     assert shared == (0, 1)
-    together = evaluate(question(alone, shared), designs.part(range(40)))
+    together = evaluate(question(alone, shared), designs.batch(range(40)))
     assert together.passes == 4  # smallest, each at its largest, one that is tried
-    single = evaluate(question(alone), designs.part(range(6)))
+    single = evaluate(question(alone), designs.batch(range(6)))
     assert single.passes == 6
-    for name, values in single.numbers.items():
-        np.testing.assert_allclose(together.numbers[name][:6], values, rtol=1e-11, atol=0.0)
+    for name, values in single.number_columns.items():
+        np.testing.assert_allclose(together.number_columns[name][:6], values, rtol=1e-11, atol=0.0)
     assert together.texts["verdict"][:6] == single.texts["verdict"]
 
 
@@ -64,7 +64,7 @@ def test_what_cannot_be_prepared_has_a_reason_and_no_digest(campaign, monkeypatc
         raise ValueError("matrix 3 is not positive")
 
     monkeypatch.setattr(module, "prepare", none)
-    rows = evaluate(question(campaign), DesignSpace(campaign).part(range(3)))
+    rows = evaluate(question(campaign), DesignSpace(campaign).batch(range(3)))
     assert set(rows.texts["case"]) == {""}
     assert set(rows.texts["reason"]) == {"ValueError: matrix … is not positive"}
     assert set(rows.texts["verdict"]) == {""}
@@ -75,8 +75,10 @@ def asked(**fields: object) -> dict[str, object]:
 
 
 def row_of(campaign, requirements, every_event=False):
-    prepared = prepare(campaign.base, HISTORY)
-    return metrics_of(EvaluationRequest(tuple(requirements), HISTORY, (), every_event), prepared, covariance(prepared))
+    prepared_case = prepare(campaign.base, HISTORY)
+    return metrics_of(
+        EvaluationRequest(tuple(requirements), HISTORY, (), every_event), prepared_case, covariance(prepared_case)
+    )
 
 
 def test_the_reasons_of_all_requirements_are_kept(campaign) -> None:
@@ -95,10 +97,10 @@ def test_rows_of_events_have_the_errors_of_the_whole_analysis_at_each(campaign) 
     requirement = campaign.requirements[0].model_dump(mode="json")
     row, alone = (row_of(campaign, [requirement], every) for every in (True, False))
     assert alone == {name: row[name] for name in alone}
-    prepared = prepare(campaign.base, HISTORY)
-    history, events = covariance(prepared), prepared.trajectory.events
+    prepared_case = prepare(campaign.base, HISTORY)
+    history, events = covariance(prepared_case), prepared_case.trajectory.events
     assert len(events) > 4
-    velocity = [k for k, one in enumerate(prepared.outputs) if one.quantity == "velocity"]
+    velocity = [k for k, one in enumerate(prepared_case.outputs) if one.quantity == "velocity"]
     for name, t in events.items():
         at = int(np.argmin(np.abs(history.t - t)))
         true = np.trace(history.true_cov[at][np.ix_(velocity, velocity)]) + np.sum(history.mean[at, velocity] ** 2)

@@ -9,10 +9,10 @@ import pytest
 
 from lvnav_trade.campaign.definition.axes import cases
 from lvnav_trade.campaign.reading.load import load
-from lvnav_trade.campaign.reading.written_cases import single
+from lvnav_trade.campaign.reading.written_cases import single_case
 from lvnav_trade.campaign.space.numbered_designs import (
+    BaseValue,
     DesignSpace,
-    Unvaried,
     label_of,
     make_designs,
     number_in,
@@ -26,7 +26,7 @@ from lvnav_trade.quantities.units import parse
 def test_a_design_has_the_values_of_its_point(campaign) -> None:
     designs = DesignSpace(campaign)
     assert len(designs) == 40
-    for design in make_designs(designs.part(range(40))):
+    for design in make_designs(designs.batch(range(40))):
         assert design.case is not None
         scenario = design.case.scenario
         bias = parse(design.levels["bias_repeatability"], "rad/s")
@@ -44,21 +44,21 @@ def test_a_latin_hypercube_has_one_design_in_every_row(campaign) -> None:
 
 def test_the_same_design_has_the_same_digest_alone_and_in_any_part(campaign) -> None:
     designs = DesignSpace(campaign)
-    together = [design.case.id for design in make_designs(designs.part(range(10)))]  # type: ignore[union-attr]
+    together = [design.case.id for design in make_designs(designs.batch(range(10)))]  # type: ignore[union-attr]
     assert [designs.case(number).id for number in range(10)] == together
-    assert [cases(single(campaign, designs.case(number)))[0].id for number in (0, 7)] == [together[0], together[7]]
+    assert [cases(single_case(campaign, designs.case(number)))[0].id for number in (0, 7)] == [together[0], together[7]]
     assert len(set(together)) == 10
 
 
 def test_sections_that_designs_have_in_common_are_one_object(campaign) -> None:
-    found = [design.case.scenario for design in make_designs(DesignSpace(campaign).part(range(10)))]  # type: ignore[union-attr]
+    found = [design.case.scenario for design in make_designs(DesignSpace(campaign).batch(range(10)))]  # type: ignore[union-attr]
     assert len({id(one.receiver) for one in found}) == 1
     assert len({id(one.filter) for one in found}) == 2
     assert len({id(one.imu) for one in found}) == 10
 
 
 def test_a_part_goes_to_another_process(campaign) -> None:
-    part = DesignSpace(campaign).part([1, 2])
+    part = DesignSpace(campaign).batch([1, 2])
     again = pickle.loads(pickle.dumps(part))
     assert [design.case.id for design in make_designs(again)] == [design.case.id for design in make_designs(part)]  # type: ignore[union-attr]
 
@@ -66,7 +66,7 @@ def test_a_part_goes_to_another_process(campaign) -> None:
 def test_impossible_designs_say_why_without_their_numbers(written) -> None:
     axis = "{path: filter, cards: [filters/loose, filters/tight]}"
     written.write_text(written.read_text().replace(axis, "{path: filter.update_rate, values: [1 Hz, 10 Hz]}"))
-    found = list(make_designs(DesignSpace(load(written)).part(range(40))))
+    found = list(make_designs(DesignSpace(load(written)).batch(range(40))))
     bad = [design for design in found if design.case is None]
     assert len(bad) == 20
     assert {design.reason for design in bad} == {"filter.update_rate: … Hz does not divide the receiver rate of … Hz"}
@@ -97,7 +97,7 @@ def test_a_value_is_a_number_a_quantity_or_neither() -> None:
     assert number_of(3) == (3.0, "")
     assert number_of({"name": "card"}) is None
     assert number_of(True) is None
-    assert number_of(Unvaried) is None
+    assert number_of(BaseValue) is None
 
 
 def test_reasons_are_alike_but_for_numbers() -> None:

@@ -108,7 +108,12 @@ def test_a_finished_space_keeps_no_blocks_and_its_status_counts_the_runs_of_its_
     assert len(found.tables.runs.run_number.unique()) == 16
     about = status(tmp_path / "out")
     whole = len(found.tables.labels)
-    assert (about.state, about.asked, about.stored, about.failed) == ("finished", 16 * whole, 16 * whole, 0)
+    assert (about.state, about.required_runs, about.stored_runs, about.failed_runs) == (
+        "finished",
+        16 * whole,
+        16 * whole,
+        0,
+    )
 
 
 def test_events_store_the_errors_at_each_event(written, tmp_path) -> None:
@@ -138,7 +143,7 @@ def test_designs_that_are_all_impossible_are_one_line(written, tmp_path) -> None
 
 
 def test_work_items_are_counted(written) -> None:
-    assert stage.SpaceEvaluation(load(written, ["samples=201"])).parts == 3
+    assert stage.SpaceEvaluation(load(written, ["samples=201"])).item_count == 3
 
 
 def test_shards_put_together_have_the_same_bytes(written, tmp_path, parts_of_five) -> None:

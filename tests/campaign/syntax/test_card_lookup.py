@@ -9,20 +9,20 @@ import pytest
 
 from lvnav_trade.campaign.reading.load import load
 from lvnav_trade.campaign.syntax import tree
-from lvnav_trade.campaign.syntax.card_lookup import card_text, catalogue, shipped
+from lvnav_trade.campaign.syntax.card_lookup import card_text, catalogue, tool_folder
 from lvnav_trade.filter.card import FilterCard
 from lvnav_trade.imu.error_model import ImuCard
 from lvnav_trade.quantities.errors import InputError
 
-IMUS = sorted(file.stem for file in (shipped("configs") / "imu").glob("*.yaml"))
-FILTERS = sorted(file.stem for file in (shipped("configs") / "filters").glob("*.yaml"))
+IMUS = sorted(file.stem for file in (tool_folder("configs") / "imu").glob("*.yaml"))
+FILTERS = sorted(file.stem for file in (tool_folder("configs") / "filters").glob("*.yaml"))
 G = 9.80665
 DEG = math.pi / 180.0
 HOUR = 3600.0
 
 
 def imu(name: str) -> ImuCard:
-    return ImuCard.model_validate(tree.plain(tree.read(shipped("configs") / "imu" / f"{name}.yaml")))
+    return ImuCard.model_validate(tree.plain_data(tree.read(tool_folder("configs") / "imu" / f"{name}.yaml")))
 
 
 READINGS = ("_published", "_unbiased", "_3sigma")
@@ -65,7 +65,9 @@ def test_an_in_run_bias_is_not_filed_as_the_bias_at_turn_on(name: str) -> None:
     assert "gyro.bias_instability" in dict(card.second_hand)
 
 
-CARDS = sorted(file for file in shipped("configs").rglob("*.yaml") if file.parent.name not in ("gains", "requirements"))
+CARDS = sorted(
+    file for file in tool_folder("configs").rglob("*.yaml") if file.parent.name not in ("gains", "requirements")
+)
 
 
 @pytest.mark.parametrize("file", CARDS, ids=lambda file: f"{file.parent.name}-{file.stem}")
@@ -77,9 +79,9 @@ def test_what_a_card_assumes_is_a_field_and_no_comment(file: Path) -> None:
 
 @pytest.mark.parametrize("name", FILTERS)
 def test_a_filter_card_reads(name: str) -> None:
-    data = tree.plain(tree.read(shipped("configs") / "filters" / f"{name}.yaml"))
+    data = tree.plain_data(tree.read(tool_folder("configs") / "filters" / f"{name}.yaml"))
     if "gains" in data:
-        data["gains"] = tree.plain(tree.read(shipped("configs") / f"{data['gains']}.yaml"))
+        data["gains"] = tree.plain_data(tree.read(tool_folder("configs") / f"{data['gains']}.yaml"))
     card = FilterCard.model_validate(data)
     coupling = {
         "loose": ("position", "velocity"),

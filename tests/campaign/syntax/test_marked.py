@@ -6,7 +6,7 @@ import pytest
 
 from lvnav_trade.campaign.definition.axes import cases
 from lvnav_trade.campaign.definition.case_digest import case_id
-from lvnav_trade.campaign.reading.load import load, resolved
+from lvnav_trade.campaign.reading.load import load, resolved_text
 from lvnav_trade.quantities.errors import InputError
 from lvnav_trade.results.tables.versions import campaign_digest
 
@@ -38,7 +38,7 @@ def test_marks_come_into_every_case_and_the_resolved_campaign(marked) -> None:
     assumed, second_hand = _marks(campaign)
     assert list(assumed) == ["rate", "gyro.random_walk", "accel", "gyro.rate_random_walk"]
     assert second_hand == {"gyro.bias_repeatability": "a manual, page 3"}
-    marked.write("again.yaml", resolved(campaign))
+    marked.write("again.yaml", resolved_text(campaign))
     assert _marks(load(marked.folder / "again.yaml")) == (assumed, second_hand)
 
 
@@ -119,4 +119,4 @@ def test_marks_change_no_digest(marked) -> None:
     assert without.base.imu.assumed == ()
     assert with_marks.base.imu.assumed != ()
     assert case_id(with_marks.base, 1, 1.0) == case_id(without.base, 1, 1.0)
-    assert campaign_digest(resolved(with_marks)) == campaign_digest(resolved(without))
+    assert campaign_digest(resolved_text(with_marks)) == campaign_digest(resolved_text(without))

@@ -8,7 +8,7 @@ import pytest
 
 from lvnav_trade.campaign.reading.field_reference import json_schema
 from lvnav_trade.campaign.syntax.card_lookup import Shelf, card_text
-from lvnav_trade.campaign.syntax.meaning import MEANINGS, meant
+from lvnav_trade.campaign.syntax.meaning import MEANINGS, find_synonym
 from lvnav_trade.campaign.syntax.tree import hint
 from lvnav_trade.quantities.errors import InputError
 from lvnav_trade.scenario.scenario import Scenario
@@ -39,10 +39,10 @@ def test_a_card_is_found_by_meaning(root, tmp_path):
 
 
 def test_the_nearest_of_several_is_the_name_itself():
-    assert meant("lag", ["latency_sigma", "latency"]) == "latency"
+    assert find_synonym("lag", ["latency_sigma", "latency"]) == "latency"
 
 
 def test_every_meaning_is_a_part_of_a_name_that_can_be_written(root):
-    schema, cards = json.dumps(json_schema()), " ".join(Shelf.of(root).known())
+    schema, cards = json.dumps(json_schema()), " ".join(Shelf.from_folder(root).card_names())
     parts = {part for parts in MEANINGS.values() for part in parts}
     assert sorted(part for part in parts if part not in schema and part not in cards) == []

@@ -14,31 +14,31 @@ from lvnav_trade.quantities.errors import InputError
 
 def test_numbers_and_words_are_read_without_surprises() -> None:
     node = tree.parse("[1e-3, no, on, 12:30, 010, 0x10, 2017-08-24, '1', true, null]", "f", Path())
-    assert tree.plain(node) == [1e-3, "no", "on", "12:30", 10, 16, "2017-08-24", "1", True, None]
+    assert tree.plain_data(node) == [1e-3, "no", "on", "12:30", 10, 16, "2017-08-24", "1", True, None]
 
 
 def test_separators_are_no_part_of_a_number() -> None:
     node = tree.parse("[1_000, 1_0.5, 0x1_0, -1_0]", "f", Path())
-    assert tree.plain(node) == ["1_000", "1_0.5", "0x1_0", "-1_0"]
+    assert tree.plain_data(node) == ["1_000", "1_0.5", "0x1_0", "-1_0"]
 
 
 def test_a_tree_that_is_dumped_reads_back_to_the_same() -> None:
     data = {"a": "1e-3", "b": ["no", "null", "true", "0x10", "x: y", "# no", "", "tab\tand\nline"], "c": None, "d": {}}
     numbers = {"e": [1e-3, 5e-324, 1e300, 0.1 + 0.2, -0.0, 2**62], "f": [True, False]}
     text = tree.dump({**data, **numbers})
-    assert tree.plain(tree.parse(text, "f", Path())) == {**data, **numbers}
+    assert tree.plain_data(tree.parse(text, "f", Path())) == {**data, **numbers}
 
 
 def test_a_text_that_is_folded_over_lines_is_one_line() -> None:
     node = tree.parse("a: >-\n  one\n  two\n\n  three\n", "f", Path())
-    assert tree.plain(node) == {"a": "one two\nthree"}
+    assert tree.plain_data(node) == {"a": "one two\nthree"}
 
 
 def test_rows_of_a_table_are_lines() -> None:
     data = {"gain": [[1.0, -2e-27], [3.0, 4.0]], "knots": [{"at": 1.0, "row": [5, 6]}]}
     text = tree.dump(data)
     assert text.splitlines() == ["gain:", "- [1.0, -2e-27]", "- [3.0, 4.0]", "knots:", "- at: 1.0", "  row: [5, 6]"]
-    assert tree.plain(tree.parse(text, "f", Path())) == data
+    assert tree.plain_data(tree.parse(text, "f", Path())) == data
 
 
 @pytest.mark.parametrize(
@@ -70,8 +70,8 @@ def test_a_file_that_is_no_campaign_is_reported_in_one_line(
 
 def test_the_nearest_place_is_that_of_the_settings_above_what_was_not_written() -> None:
     root = tree.parse("a:\n  b: {c: 1}\n", "f.yaml", Path())
-    assert tree.nearest(root, ["a", "b", "d", "e"])[:3] == ("f.yaml", 2, 6)
-    assert isinstance(tree.nearest(root, ["x"]), Place)
+    assert tree.nearest_place(root, ["a", "b", "d", "e"])[:3] == ("f.yaml", 2, 6)
+    assert isinstance(tree.nearest_place(root, ["x"]), Place)
 
 
 def test_every_value_and_every_key_knows_its_line_and_column() -> None:
@@ -90,16 +90,16 @@ def test_an_empty_value_stands_at_its_key() -> None:
 
 def test_a_byte_order_mark_is_no_part_of_the_first_key(tmp_path: Path) -> None:
     (tmp_path / "f.yaml").write_bytes(b"\xef\xbb\xbfa: 1\n")
-    assert tree.plain(tree.read(tmp_path / "f.yaml")) == {"a": 1}
+    assert tree.plain_data(tree.read(tmp_path / "f.yaml")) == {"a": 1}
 
 
 def test_putting_one_tree_into_another_changes_neither() -> None:
     base, over = (tree.parse(text, "f", Path()) for text in ("{a: {b: 1, c: 2}, d: 3}", "{a: {b: 9}, e: [1]}"))
-    assert tree.plain(tree.put(base, ["a", "x", "y"], over)) == {
+    assert tree.plain_data(tree.with_node(base, ["a", "x", "y"], over)) == {
         "a": {"b": 1, "c": 2, "x": {"y": {"a": {"b": 9}, "e": [1]}}},
         "d": 3,
     }
-    assert tree.plain(base) == {"a": {"b": 1, "c": 2}, "d": 3}
+    assert tree.plain_data(base) == {"a": {"b": 1, "c": 2}, "d": 3}
 
 
 def test_a_file_below_the_working_folder_is_shown_relative_to_it(

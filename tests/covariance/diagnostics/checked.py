@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from functools import lru_cache
 
-from lvnav_trade.covariance.selfcheck.check import bounded
+from lvnav_trade.covariance.selfcheck.check import set_bounds
 from tests.building import MATCHED, loaded, prepare_hop, with_fields
 
 SEED = 1
@@ -21,4 +21,4 @@ def rich():
 
 
 def failed(checks):
-    return [(check.what, *check.words) for check in bounded(checks) if check.verdict == "failed"]
+    return [(check.quantity, *check.cell_texts) for check in set_bounds(checks) if check.verdict == "failed"]

@@ -39,22 +39,22 @@ def test_without_a_measurement_there_is_no_gap():
 
 
 def test_its_runs_are_the_first_of_the_campaign():
-    prepared = prepare_hop(loaded("base.filter=filters/loose"))
-    found = spot_check(prepared, covariance(prepared), {"liftoff": 0.0, "beyond": 1e4}, 7, 8)
+    prepared_case = prepare_hop(loaded("base.filter=filters/loose"))
+    found = spot_check(prepared_case, covariance(prepared_case), {"liftoff": 0.0, "beyond": 1e4}, 7, 8)
     assert found.events == ("liftoff",)
-    at = int(np.argmin(np.abs(prepared.t_hist)))
-    np.testing.assert_array_equal(found.event_error[:, 0, :9], run_block(prepared, 7, 0, 8).err[:, at, :9])
+    at = int(np.argmin(np.abs(prepared_case.t_hist)))
+    np.testing.assert_array_equal(found.event_error[:, 0, :9], run_block(prepared_case, 7, 0, 8).err[:, at, :9])
 
 
 @pytest.mark.parametrize(("scale", "runs"), [(1.0, 16), (0.25, 32)])
 def test_the_other_half_is_flown_where_the_first_does_not_fit(scale, runs):
-    prepared = prepare_hop(loaded("base.filter=filters/loose"))
-    history = covariance(prepared)
+    prepared_case = prepare_hop(loaded("base.filter=filters/loose"))
+    history = covariance(prepared_case)
     scaled = history._replace(true_sigma=scale * history.true_sigma, mean=scale * history.mean)
-    found = spot_check(prepared, scaled, {"end": 5.0}, 1, 32)
+    found = spot_check(prepared_case, scaled, {"end": 5.0}, 1, 32)
     np.testing.assert_array_equal(found.runs, np.arange(runs))
-    at = int(np.argmin(np.abs(prepared.t_hist - 5.0)))
-    np.testing.assert_array_equal(found.event_error[:, 0, :9], run_block(prepared, 1, 0, runs).err[:, at, :9])
+    at = int(np.argmin(np.abs(prepared_case.t_hist - 5.0)))
+    np.testing.assert_array_equal(found.event_error[:, 0, :9], run_block(prepared_case, 1, 0, runs).err[:, at, :9])
 
 
 def block(errors):
@@ -68,13 +68,13 @@ def test_draws_of_the_covariance_are_seldom_suspect_and_twice_their_size_mostly(
     rng, counts = np.random.default_rng(3), {}
     for scale in (1.0, 2.0):
         z = scale * rng.normal(size=(400, 16, 1, 9))
-        counts[scale] = np.mean([module._suspect(*block(2.0 + one)) for one in z])
-    assert 0.1 < counts[1.0] < 2.0 * module.SUSPECT
+        counts[scale] = np.mean([module._is_suspect(*block(2.0 + one)) for one in z])
+    assert 0.1 < counts[1.0] < 2.0 * module.SUSPICION_LEVEL
     assert counts[2.0] == 1.0
 
 
 def test_a_run_that_failed_is_suspect():
     errors = 2.0 + np.random.default_rng(4).normal(size=(16, 1, 9)) * 0.9
-    assert not module._suspect(*block(errors))
+    assert not module._is_suspect(*block(errors))
     errors[3] = np.nan
-    assert module._suspect(*block(errors))
+    assert module._is_suspect(*block(errors))

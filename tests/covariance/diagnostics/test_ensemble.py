@@ -36,10 +36,10 @@ def within(ratio, n_run, axes=3):
 
 def test_what_the_filter_models_it_does_not_miss():
     """Biases and a tilted start: what remains is of second order, some thousandths of the first."""
-    prepared = perturbed(
+    prepared_case = perturbed(
         {"bias_repeatability": "1 deg/h"}, {"bias_repeatability": "1 mg"}, tilt="1 mrad", velocity="1 m/s"
     )
-    found = step_errors(prepared, 1, 8)
+    found = step_errors(prepared_case, 1, 8)
     first_order = np.abs(np.diff(found.error[:, VEL : VEL + 3], axis=0)).max()
     assert first_order > 5e-3  # the tilt turns 30 m/s^2 by some 1 mrad, of which a third lies across
     assert spread(found, VEL).max() < 5e-3 * first_order
@@ -62,9 +62,9 @@ def test_an_unmodelled_scale_factor_misses_its_share_of_the_speed_gained():
 
 
 def test_white_noise_is_found_again_as_the_density_of_the_card():
-    prepared = perturbed({"random_walk": "0.1 deg/sqrt(h)"}, {"random_walk": "1 mg/sqrt(Hz)"})
-    found = step_errors(prepared, 3, RUNS)
-    noise, imu = densities(found, prepared), prepared.scenario.imu
+    prepared_case = perturbed({"random_walk": "0.1 deg/sqrt(h)"}, {"random_walk": "1 mg/sqrt(Hz)"})
+    found = step_errors(prepared_case, 3, RUNS)
+    noise, imu = densities(found, prepared_case), prepared_case.scenario.imu
     samples = RUNS * len(found.t) * 3
     assert noise.attitude == pytest.approx(imu.gyro.random_walk, rel=5.0 / np.sqrt(2.0 * samples))
     assert noise.velocity == pytest.approx(imu.accel.random_walk, rel=5.0 / np.sqrt(2.0 * samples))
@@ -74,15 +74,15 @@ def test_white_noise_is_found_again_as_the_density_of_the_card():
 
 
 def test_a_walking_bias_is_found_as_its_walk():
-    prepared = perturbed({"rate_random_walk": "100 deg/h/sqrt(h)"})
-    noise = densities(step_errors(prepared, 4, RUNS), prepared)
-    assert noise.gyro_bias == pytest.approx(prepared.scenario.imu.gyro.rate_random_walk, rel=0.1)
+    prepared_case = perturbed({"rate_random_walk": "100 deg/h/sqrt(h)"})
+    noise = densities(step_errors(prepared_case, 4, RUNS), prepared_case)
+    assert noise.gyro_bias == pytest.approx(prepared_case.scenario.imu.gyro.rate_random_walk, rel=0.1)
 
 
 def test_steps_follow_each_other_and_cover_the_flight():
-    prepared = perturbed()
-    found = step_errors(prepared, 1, 2)
-    np.testing.assert_allclose(found.t[0] - found.seconds[0], prepared.t_hist[0])
-    assert found.seconds.sum() == pytest.approx(prepared.t_hist[-1] - prepared.t_hist[0])
-    assert found.mean.shape == (len(prepared.t_hist) - 1, prepared.layout.n_state)
-    assert matrices(prepared.record.q).shape[0] == len(prepared.t_hist)
+    prepared_case = perturbed()
+    found = step_errors(prepared_case, 1, 2)
+    np.testing.assert_allclose(found.t[0] - found.seconds[0], prepared_case.t_hist[0])
+    assert found.seconds.sum() == pytest.approx(prepared_case.t_hist[-1] - prepared_case.t_hist[0])
+    assert found.mean.shape == (len(prepared_case.t_hist) - 1, prepared_case.layout.n_state)
+    assert matrices(prepared_case.record.q).shape[0] == len(prepared_case.t_hist)

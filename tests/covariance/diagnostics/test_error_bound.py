@@ -17,8 +17,8 @@ WALKS = {
 }  # fmt: skip
 
 
-def bound(prepared):
-    return error_bound(prepared, forward_tape(prepared))
+def bound(prepared_case):
+    return error_bound(prepared_case, forward_tape(prepared_case))
 
 
 def with_walks(*settings, **changed):
@@ -29,27 +29,31 @@ def with_walks(*settings, **changed):
 @pytest.mark.parametrize("settings", [(), (LOOSE,)], ids=["tight", "loose"])
 def test_where_everything_walks_the_condition_holds(settings):
     found = bound(with_walks(*settings))
-    assert found.holds
-    assert found.rank == found.states
-    assert 0.0 < found.low < found.high
+    assert found.is_satisfied
+    assert found.rank == found.state_count
+    assert 0.0 < found.smallest_eigenvalue < found.largest_eigenvalue
 
 
 @pytest.mark.parametrize(("which", "missing"), [("gyro", 3), ("accel", 3)])
 def test_a_bias_without_a_walk_breaks_it_and_is_the_weakest_direction(which, missing):
-    prepared = with_walks(LOOSE, **{f"{which}_bias_walk": "0 deg/h/sqrt(h)" if which == "gyro" else "0 mg/sqrt(h)"})
-    found = bound(prepared)
-    assert found.rank == found.states - missing
-    assert not found.holds
-    assert found.low == pytest.approx(0.0, abs=1e-18)
-    bias = next(block for block in prepared.layout.parameters if block.name == f"{which}_bias").offset
-    assert int(np.argmax(np.abs(found.weakest))) in range(bias, bias + 3)
+    prepared_case = with_walks(
+        LOOSE, **{f"{which}_bias_walk": "0 deg/h/sqrt(h)" if which == "gyro" else "0 mg/sqrt(h)"}
+    )
+    found = bound(prepared_case)
+    assert found.rank == found.state_count - missing
+    assert not found.is_satisfied
+    assert found.smallest_eigenvalue == pytest.approx(0.0, abs=1e-18)
+    bias = next(block for block in prepared_case.layout.parameters if block.name == f"{which}_bias").offset
+    assert int(np.argmax(np.abs(found.weakest_direction))) in range(bias, bias + 3)
 
 
 def test_the_largest_is_that_of_a_walk_that_outgrows_all_others_by_its_closed_form():
     # 1 s between updates; a bias that walks by far the most in initial sigmas: q' = density x 1 s / sigma^2
-    prepared = with_walks(LOOSE, accel_bias_walk="60 mg/sqrt(h)", accel_bias="0.1 mg")
-    imu, _, _ = filter_models(prepared.scenario)
-    assert bound(prepared).high == pytest.approx(imu.accel_bias_walk**2 / imu.accel_bias**2, rel=1e-2)
+    prepared_case = with_walks(LOOSE, accel_bias_walk="60 mg/sqrt(h)", accel_bias="0.1 mg")
+    imu, _, _ = filter_models(prepared_case.scenario)
+    assert bound(prepared_case).largest_eigenvalue == pytest.approx(
+        imu.accel_bias_walk**2 / imu.accel_bias**2, rel=1e-2
+    )
 
 
 def test_noise_at_a_change_of_region_enters_the_interval_that_it_lies_in():
@@ -59,14 +63,14 @@ def test_noise_at_a_change_of_region_enters_the_interval_that_it_lies_in():
         bound(prepare_hop(scenario)),
         bound(prepare_hop(with_fields(scenario, **{"filter.region_noise": [entry]}))),
     )
-    assert added.low == pytest.approx(plain.low, abs=1e-12)
+    assert added.smallest_eigenvalue == pytest.approx(plain.smallest_eigenvalue, abs=1e-12)
     # 1 m/s beside 1 cm/s at the start
-    assert added.high == pytest.approx(1.0 / scenario.initial.velocity**2, rel=1e-3)
+    assert added.largest_eigenvalue == pytest.approx(1.0 / scenario.initial.velocity**2, rel=1e-3)
 
 
 def test_rows_have_the_noise_of_the_receiver():
     scenario = loaded(LOOSE)
-    (first, second), solution = bound(case(LOOSE)).rows, scenario.receiver.solution
+    (first, second), solution = bound(case(LOOSE)).noise_bounds, scenario.receiver.solution
     assert first[0] == "m"
     assert first[1:] == pytest.approx((solution.position_sigma, solution.position_sigma))
     assert second[0] == "m/s"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lvnav_trade.covariance.diagnostics.imu_stream import allan_curves, by_card
+from lvnav_trade.covariance.diagnostics.imu_stream import allan_curves, card_deviations
 from lvnav_trade.imu.error_model import AccelCard, GyroCard
 from tests.building import TURNED, case, loaded, prepare_hop, with_units
 
@@ -40,17 +40,17 @@ def test_the_stream_follows_the_curve_of_the_card():
 
 def test_one_process_of_a_stated_time_has_its_own_curve():
     card = GyroCard(bias_instability="1 deg/h", instability_time="50 s")
-    _, instability, walk = by_card(card, np.array([5.0, 94.5, 2000.0]))
+    _, instability, walk = card_deviations(card, np.array([5.0, 94.5, 2000.0]))
     assert instability[1] == pytest.approx(0.618 * card.bias_instability, rel=2e-3)
     assert max(instability[0], instability[2]) < 0.7 * instability[1]
     assert not walk.any()
-    assert not any(part.any() for part in by_card(AccelCard(), np.array([1.0])))
+    assert not any(part.any() for part in card_deviations(AccelCard(), np.array([1.0])))
 
 
 def test_the_curve_of_a_card_that_states_the_floor_is_that_floor():
     fit = {"processes": 2, "convention": "floor"}
     card = GyroCard(bias_instability=["1 deg/h", "1 deg/h", "3 deg/h"], instability_fit=fit)
-    _, instability, _ = by_card(card, np.array([1.0, 100.0]))
+    _, instability, _ = card_deviations(card, np.array([1.0, 100.0]))
     np.testing.assert_allclose(instability, np.sqrt(11.0 / 3.0) * np.radians(1.0 / 3600.0), rtol=1e-12)
 
 

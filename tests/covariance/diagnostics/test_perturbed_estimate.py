@@ -10,11 +10,11 @@ from tests.building import MATCHED, case
 
 
 def test_it_is_the_truth_less_the_error():
-    prepared = case(MATCHED)
-    d = np.zeros(prepared.layout.n_state)
+    prepared_case = case(MATCHED)
+    d = np.zeros(prepared_case.layout.n_state)
     d[:9] = [1e-3, -2e-3, 3e-3, 0.1, -0.2, 0.3, 10.0, 20.0, -30.0]
-    tick, truth = tick_at(prepared, 10.0), prepared.reference
-    nav = navigation_at(prepared, tick, d)
+    tick, truth = tick_at(prepared_case, 10.0), prepared_case.reference
+    nav = navigation_at(prepared_case, tick, d)
     assert truth.t[tick] == 10.0
     np.testing.assert_allclose(small_rotation(*truth.q_b_i[tick], *nav[:4]), d[:3], atol=1e-12)
     np.testing.assert_allclose(truth.v_i[tick] - nav[4:7], d[3:6], atol=1e-11)
@@ -22,8 +22,8 @@ def test_it_is_the_truth_less_the_error():
 
 
 def test_an_error_of_a_bias_stays_in_the_increments():
-    prepared = case(MATCHED)
-    d = np.zeros(prepared.layout.n_state)
+    prepared_case = case(MATCHED)
+    d = np.zeros(prepared_case.layout.n_state)
     d[9:15] = [1e-5, 0.0, -1e-5, 1e-2, 2e-2, 0.0]
-    left = increments(prepared, 100, 4, d) - increments(prepared, 100, 4, 0.0 * d)
-    np.testing.assert_allclose(left, np.tile(prepared.unit.dt * d[9:15], (4, 1)), atol=1e-15)
+    left = increments(prepared_case, 100, 4, d) - increments(prepared_case, 100, 4, 0.0 * d)
+    np.testing.assert_allclose(left, np.tile(prepared_case.unit.dt * d[9:15], (4, 1)), atol=1e-15)

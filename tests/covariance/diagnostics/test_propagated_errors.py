@@ -19,13 +19,13 @@ def test_the_first_order_part_is_the_filters_transition():
 
     A gyro's bias reaches position in third order, of which a product of n windows misses 1 / 2n^2.
     """
-    prepared = case()
-    start = start_tick(prepared, 10.0)
+    prepared_case = case()
+    start = start_tick(prepared_case, 10.0)
     for at, size in ((ATT, 1e-4), (VEL, 0.1), (POS, 10.0), (9, 1e-5), (12, 1e-2)):
-        d = np.zeros(prepared.layout.n_state)
+        d = np.zeros(prepared_case.layout.n_state)
         d[at] = size
-        linear = linear_errors(prepared, start, d[None], update_windows(prepared, start))[0, :9]
-        plus, minus = strapdown_errors(prepared, start, np.array([d, -d]), update_windows(prepared, start))
+        linear = linear_errors(prepared_case, start, d[None], update_windows(prepared_case, start))[0, :9]
+        plus, minus = strapdown_errors(prepared_case, start, np.array([d, -d]), update_windows(prepared_case, start))
         flown = (plus - minus) / 2.0
         for block in (slice(0, 3), slice(3, 6), slice(6, 9)):
             share = 7e-3 if at == 9 and block.start == POS else 2e-3
@@ -33,7 +33,7 @@ def test_the_first_order_part_is_the_filters_transition():
 
 
 def test_an_interval_that_would_end_after_the_flight_begins_earlier():
-    prepared = case()
-    end = float(prepared.reference.t[-1])
-    ticks = round(prepared.scenario.imu.rate / prepared.scenario.filter.update_rate)
-    assert start_tick(prepared, end) == prepared.reference.t.size - 1 - ticks
+    prepared_case = case()
+    end = float(prepared_case.reference.t[-1])
+    ticks = round(prepared_case.scenario.imu.rate / prepared_case.scenario.filter.update_rate)
+    assert start_tick(prepared_case, end) == prepared_case.reference.t.size - 1 - ticks

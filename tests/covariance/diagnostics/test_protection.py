@@ -9,12 +9,12 @@ import pytest
 from scipy.stats import binom
 
 from lvnav_trade.covariance.diagnostics.protection import (
-    columns_of,
+    exclude_satellite,
+    output_columns,
     protection,
     protection_level,
     quantile,
     thresholds,
-    without_satellite,
 )
 from lvnav_trade.covariance.history import covariance
 from lvnav_trade.gnss.fault_cards import RangeBias
@@ -41,9 +41,9 @@ def levels(asked):
 @lru_cache(maxsize=8)
 def errors(prior_fault, satellite):
     """Errors (n_run, n_time, 2, 3) of the filter, or of the sub-filter without a satellite, from the same draws."""
-    prepared = case(*prior_fault)
-    chosen = prepared if satellite is None else without_satellite(prepared, satellite)
-    return run_block(chosen, SEED, 0, RUNS).err[:, AT][:, :, columns_of(prepared)]
+    prepared_case = case(*prior_fault)
+    chosen = prepared_case if satellite is None else exclude_satellite(prepared_case, satellite)
+    return run_block(chosen, SEED, 0, RUNS).err[:, AT][:, :, output_columns(prepared_case)]
 
 
 def test_without_faults_the_level_is_the_quantile_of_a_gaussian():
@@ -64,10 +64,10 @@ def test_limits_are_of_the_difference_of_the_variances():
 
 def test_a_filter_and_its_sub_filter_are_as_far_apart_as_their_variances():
     """Var(x_0 - x_k) = Var(x_k) - Var(x_0), over the runs, which have the same draws."""
-    satellite = int(case().signals.used[10, 0])
-    columns = columns_of(case())
+    satellite = int(case().signals.satellite_by_slot[10, 0])
+    columns = output_columns(case())
     sigma, without = (
-        covariance(one).formal[list(AT)][:, columns] for one in (case(), without_satellite(case(), satellite))
+        covariance(one).formal_sigma[list(AT)][:, columns] for one in (case(), exclude_satellite(case(), satellite))
     )
     apart = errors((), None) - errors((), satellite)
     expected = np.sqrt(without**2 - sigma**2)
@@ -78,7 +78,7 @@ def test_a_filter_and_its_sub_filter_are_as_far_apart_as_their_variances():
 
 def fault_of(size):
     """Return a step of the range of the satellite that comes first among those in use."""
-    name = case().sky.names[int(case().signals.used[10, 0])]
+    name = case().sky.names[int(case().signals.satellite_by_slot[10, 0])]
     return RangeBias(satellites=[name], size=size, **{"from": "2 s"})
 
 
@@ -100,16 +100,16 @@ def test_without_a_fault_runs_exceed_their_level_as_rarely_as_stated():
 @pytest.mark.parametrize("size", ["4 m", "8 m", "16 m"])
 def test_a_failed_satellite_takes_runs_beyond_their_level_only_with_an_alarm(size):
     """The largest separation that makes no alarm is hit by one of these steps; without alarms many runs are beyond."""
-    prepared, found = case(), levels(SURE)
-    satellite = int(prepared.signals.used[10, 0])
+    prepared_case, found = case(), levels(SURE)
+    satellite = int(prepared_case.signals.satellite_by_slot[10, 0])
     fault = (fault_of(size),)
-    columns = columns_of(prepared)
+    columns = output_columns(prepared_case)
     without = np.array([
-        covariance(without_satellite(prepared, prepared.sky.names.index(name))).formal[:, columns]
+        covariance(exclude_satellite(prepared_case, prepared_case.sky.names.index(name))).formal_sigma[:, columns]
         for name in found.satellites
     ])  # fmt: skip
     limits = thresholds(found.sigma, np.maximum(without, found.sigma), SURE.false_alarm / 6.0)
-    own = found.satellites.index(prepared.sky.names[satellite])
+    own = found.satellites.index(prepared_case.sky.names[satellite])
     whole, apart = errors(fault, None), errors(fault, None) - errors(fault, satellite)
     for number, at in enumerate(AT):
         for quantity in range(2):
@@ -129,11 +129,11 @@ def test_an_error_beyond_any_level_of_position_and_velocity_is_as_rare_as_stated
 
 def test_a_false_alarm_on_any_axis_of_position_or_velocity_is_as_rare_as_stated():
     """Separations are Gaussian: with variances of the bank and correlations of 400 runs, 400,000 draws count alarms."""
-    found, columns, few = levels(SURE), columns_of(case()), 400
-    others = [without_satellite(case(), case().sky.names.index(name)) for name in found.satellites]
+    found, columns, few = levels(SURE), output_columns(case()), 400
+    others = [exclude_satellite(case(), case().sky.names.index(name)) for name in found.satellites]
     whole, *without = (run_block(one, SEED, 0, few).err[:, AT][:, :, columns] for one in (case(), *others))
-    variance = np.array([covariance(one).formal[list(AT)][:, columns] ** 2 for one in others])
-    sigma = np.sqrt(variance - covariance(case()).formal[list(AT)][:, columns] ** 2)
+    variance = np.array([covariance(one).formal_sigma[list(AT)][:, columns] ** 2 for one in others])
+    sigma = np.sqrt(variance - covariance(case()).formal_sigma[list(AT)][:, columns] ** 2)
     generator = np.random.default_rng(3)
     for number in (1, 2):
         apart = np.stack([whole[:, number] - one[:, number] for one in without], axis=1).reshape(few, -1)
@@ -153,7 +153,10 @@ def test_a_large_fault_without_alarms_is_beyond_the_level():
 def test_levels_name_the_satellite_that_asks_for_most_and_grow_with_what_is_feared():
     cautious, calm = levels(SURE), levels(SURE._replace(satellite_fault=1e-4))
     assert np.all(cautious.level[1:] >= calm.level[1:])
-    assert np.all(calm.level >= calm.fault_free * (1.0 - 1e-9))
-    assert calm.fault_free == pytest.approx(quantile(RISK / 6.0) * calm.sigma)
-    assert cautious.worst[-1, 0] >= 0
-    assert len(cautious.satellites) == np.unique(case().signals.used[case().signals.used >= 0]).size
+    assert np.all(calm.level >= calm.fault_free_level * (1.0 - 1e-9))
+    assert calm.fault_free_level == pytest.approx(quantile(RISK / 6.0) * calm.sigma)
+    assert cautious.worst_satellite[-1, 0] >= 0
+    assert (
+        len(cautious.satellites)
+        == np.unique(case().signals.satellite_by_slot[case().signals.satellite_by_slot >= 0]).size
+    )

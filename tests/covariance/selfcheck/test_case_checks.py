@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from lvnav_trade.covariance.selfcheck.case_checks import check_prepared
-from lvnav_trade.covariance.selfcheck.check import bounded
+from lvnav_trade.covariance.selfcheck.check import set_bounds
 from tests.both_engines.combinations import scenario_of
 from tests.both_engines.covering import DIMENSIONS
 from tests.both_engines.flown import flight
@@ -17,26 +17,35 @@ FIRST = {name: next(iter(levels)) for name, levels in DIMENSIONS.items()}
 
 @pytest.fixture(scope="module")
 def checks():
-    return bounded(check_prepared(rich(), SEED))
+    return set_bounds(check_prepared(rich(), SEED))
 
 
 def test_a_sound_configuration_passes_every_check(checks):
     assert failed(checks) == []
-    assert {check.kind for check in checks} == {"error definition", "Jacobian", "propagation", "innovations", "draws"}
+    assert {check.check_type for check in checks} == {
+        "error definition",
+        "Jacobian",
+        "propagation",
+        "innovations",
+        "draws",
+    }
 
 
 def test_each_quantity_measurement_and_source_has_its_checks(checks):
-    of = {kind: {check.what for check in checks if check.kind == kind} for kind in ("error definition", "Jacobian")}
+    of = {
+        kind: {check.quantity for check in checks if check.check_type == kind}
+        for kind in ("error definition", "Jacobian")
+    }
     assert of["error definition"] >= {"attitude", "velocity", "position", "gyro_bias", "clock_bias", "range_bias"}
     assert of["Jacobian"] == {"pseudorange", "range_rate"}
-    drawn = {check.what.partition(",")[0] for check in checks if check.kind == "draws"}
+    drawn = {check.quantity.partition(",")[0] for check in checks if check.check_type == "draws"}
     assert drawn >= {"gyro bias instability", "accelerometer rate random walk", "gyro random walk", "multipath",
                      "pseudorange noise", "step of clock drift", "initial heading"}  # fmt: skip
-    assert "refused by the gate" in {check.what for check in checks}
+    assert "refused by the gate" in {check.quantity for check in checks}
 
 
 def test_the_same_seed_gives_the_same_figures(checks):
-    again = bounded(check_prepared(rich(), SEED))
+    again = set_bounds(check_prepared(rich(), SEED))
     assert [check.figure for check in again] == [check.figure for check in checks]
 
 
@@ -52,4 +61,4 @@ LEVELS = [
 def test_it_passes_whatever_is_measured_and_whatever_the_policy(levels):
     scenario, kind, _ = scenario_of(FIRST | levels)
     checks = check_prepared(prepare_hop(scenario, flight(kind)), SEED)
-    assert failed(check for check in checks if check.kind != "propagation") == []
+    assert failed(check for check in checks if check.check_type != "propagation") == []

@@ -14,12 +14,12 @@ def test_all_statistics_of_a_campaign_fail_by_chance_once_in_a_hundred():
     rng = np.random.default_rng(1)
     n = 1000
     lost = sum(
-        bool(failed(CheckResult("draws", "x", figure, law=stats.norm()) for figure in rng.standard_normal(20)))
+        bool(failed(CheckResult("draws", "x", figure, distribution=stats.norm()) for figure in rng.standard_normal(20)))
         for _ in range(n)
     )
     assert abs(lost - 0.01 * n) < 5.0 * np.sqrt(0.01 * n)
 
 
 def test_a_figure_that_is_no_number_has_failed_and_what_was_not_checked_has_not():
-    assert CheckResult("Jacobian", "x", float("nan"), high=1.0).verdict == "failed"
+    assert CheckResult("Jacobian", "x", float("nan"), upper_limit=1.0).verdict == "failed"
     assert CheckResult("Jacobian", "x", reason="why").verdict == "not checked"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from lvnav_trade.covariance.selfcheck.draw_checks import of_imu, of_start
+from lvnav_trade.covariance.selfcheck.draw_checks import imu_checks, initial_error_checks
 from tests.covariance.diagnostics.checked import SEED, failed, rich
 
 
@@ -18,14 +18,14 @@ from tests.covariance.diagnostics.checked import SEED, failed, rich
     ],
 )
 def test_draws_of_the_imu_that_are_not_the_cards_are_found(field, factor, found):
-    prepared = rich()
-    unit = prepared.unit._replace(**{field: factor * getattr(prepared.unit, field)})
-    assert found in {what for what, *_ in failed(of_imu(prepared._replace(unit=unit), SEED))}
+    prepared_case = rich()
+    unit = prepared_case.unit._replace(**{field: factor * getattr(prepared_case.unit, field)})
+    assert found in {what for what, *_ in failed(imu_checks(prepared_case._replace(unit=unit), SEED))}
 
 
 def test_a_start_that_is_not_the_cards_is_found():
-    prepared = rich()
-    roots = prepared.start.roots.copy()
+    prepared_case = rich()
+    roots = prepared_case.initial_state.roots.copy()
     roots[2] *= 1.3
-    wrong = prepared._replace(start=prepared.start._replace(roots=roots))
-    assert {what for what, *_ in failed(of_start(wrong, SEED))} == {"initial position, variance"}
+    wrong = prepared_case._replace(initial_state=prepared_case.initial_state._replace(roots=roots))
+    assert {what for what, *_ in failed(initial_error_checks(wrong, SEED))} == {"initial position, variance"}

@@ -9,15 +9,17 @@ from tests.covariance.diagnostics.checked import SEED, failed, rich
 
 
 def test_a_filter_that_assumes_less_noise_than_linear_covariance_knows_of_is_found():
-    prepared = rich()
-    history = covariance(prepared)
-    quieter = prepared._replace(signals=prepared.signals._replace(variance=0.5 * prepared.signals.variance))
+    prepared_case = rich()
+    history = covariance(prepared_case)
+    quieter = prepared_case._replace(
+        signals=prepared_case.signals._replace(variance=0.5 * prepared_case.signals.variance)
+    )
     assert {what for what, *_ in failed(innovations(quieter, history, SEED))} == {"mean square", "refused by the gate"}
 
 
 def test_a_gate_of_another_size_is_found(monkeypatch):
-    prepared = rich()
-    history = covariance(prepared)
+    prepared_case = rich()
+    history = covariance(prepared_case)
     sound = innovation_checks.run_block
 
     def narrower(*args):
@@ -25,4 +27,7 @@ def test_a_gate_of_another_size_is_found(monkeypatch):
         return block._replace(innovation=1.4 * block.innovation)
 
     monkeypatch.setattr(innovation_checks, "run_block", narrower)
-    assert {what for what, *_ in failed(innovations(prepared, history, SEED))} == {"mean square", "refused by the gate"}
+    assert {what for what, *_ in failed(innovations(prepared_case, history, SEED))} == {
+        "mean square",
+        "refused by the gate",
+    }

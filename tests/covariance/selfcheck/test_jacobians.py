@@ -22,9 +22,9 @@ def test_a_wrong_sign_in_a_row_is_found(monkeypatch, entry):
 
 
 def test_a_swing_of_the_antenna_that_a_row_leaves_out_is_found():
-    prepared = rich()
-    entry = prepared.model.entry.copy()
-    entry[prepared.model.entry == 10] = 9  # of the body rate: H_RATE
-    wrong = prepared._replace(model=prepared.model._replace(entry=entry))
+    prepared_case = rich()
+    entry = prepared_case.model.entry.copy()
+    entry[prepared_case.model.entry == 10] = 9  # of the body rate: H_RATE
+    wrong = prepared_case._replace(model=prepared_case.model._replace(entry=entry))
     found = failed(jacobian_checks(wrong))
     assert [what for what, *_ in found] == ["range_rate"]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from lvnav_trade.covariance.selfcheck.measured import of_measurements
+from lvnav_trade.covariance.selfcheck.measured import measurement_checks
 from tests.building import LOOSE, MATCHED, loaded, prepare_hop, with_fields
 from tests.covariance.diagnostics.checked import SEED, failed, rich
 
@@ -18,26 +18,30 @@ from tests.covariance.diagnostics.checked import SEED, failed, rich
     ],
 )
 def test_draws_of_the_receiver_that_are_not_the_cards_are_found(field, factor, found):
-    prepared = rich()
-    wrong = prepared._replace(signals=prepared.signals._replace(**{field: factor * getattr(prepared.signals, field)}))
-    assert found in {what for what, *_ in failed(of_measurements(wrong, SEED))}
+    prepared_case = rich()
+    wrong = prepared_case._replace(
+        signals=prepared_case.signals._replace(**{field: factor * getattr(prepared_case.signals, field)})
+    )
+    assert found in {what for what, *_ in failed(measurement_checks(wrong, SEED))}
 
 
-@pytest.mark.parametrize(("field", "factor", "found"), [("start", 1.5, "variance"), ("decay", 0.8, "correlation")])
+@pytest.mark.parametrize(("field", "factor", "found"), [("initial_sigma", 1.5, "variance"), ("decay", 0.8, "correlation")])
 def test_errors_that_measurements_share_and_are_not_the_cards_are_found(field, factor, found):
-    prepared = rich()
-    shared = prepared.signals.shared._replace(**{field: factor * getattr(prepared.signals.shared, field)})
-    wrong = prepared._replace(signals=prepared.signals._replace(shared=shared))
-    assert f"multipath, {found}" in {what for what, *_ in failed(of_measurements(wrong, SEED))}
+    prepared_case = rich()
+    shared = prepared_case.signals.correlated_errors._replace(
+        **{field: factor * getattr(prepared_case.signals.correlated_errors, field)}
+    )
+    wrong = prepared_case._replace(signals=prepared_case.signals._replace(correlated_errors=shared))
+    assert f"multipath, {found}" in {what for what, *_ in failed(measurement_checks(wrong, SEED))}
 
 
 def test_noise_of_a_sensor_that_is_not_the_cards_is_found():
     sensor = {"kind": "altimeter", "name": "a", "source": "test", "sigma": "20 m", "highest": "1000 km"}
     scenario = with_fields(loaded(MATCHED, LOOSE), sensors={"altimeter": sensor},
                            **{"filter.measurements": ["position", "velocity", "altitude"]})  # fmt: skip
-    prepared = prepare_hop(scenario)
-    assert failed(of_measurements(prepared, SEED)) == []
-    sigma = prepared.signals.sigma.copy()
+    prepared_case = prepare_hop(scenario)
+    assert failed(measurement_checks(prepared_case, SEED)) == []
+    sigma = prepared_case.signals.sigma.copy()
     sigma[:, 6] *= 1.4
-    wrong = prepared._replace(signals=prepared.signals._replace(sigma=sigma))
-    assert [what for what, *_ in failed(of_measurements(wrong, SEED))] == ["altimeter noise, variance"]
+    wrong = prepared_case._replace(signals=prepared_case.signals._replace(sigma=sigma))
+    assert [what for what, *_ in failed(measurement_checks(wrong, SEED))] == ["altimeter noise, variance"]

@@ -11,9 +11,9 @@ from tests.covariance.diagnostics.checked import failed
 def test_an_error_that_is_fed_back_with_the_wrong_sign_is_found(monkeypatch):
     sound = state_checks.correct
 
-    def wrong(work, state_history, late, model):
+    def wrong(work, state_history, delays, model):
         work.x[3:6] *= -1.0
-        sound(work, state_history, late, model)
+        sound(work, state_history, delays, model)
 
     monkeypatch.setattr(state_checks, "correct", wrong)
     assert [what for what, *_ in failed(round_trip(case(MATCHED)))] == ["velocity"]

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from lvnav_trade.export.translation.program import Program, bound
+from lvnav_trade.export.translation.program import Program, bind_arguments
 from lvnav_trade.export.translation.values import DOUBLE, INT, Array, Constant, Scalar, Value
 
 needs_compiler = pytest.mark.skipif(shutil.which("cc") is None, reason="no C compiler on this machine")
@@ -39,9 +39,9 @@ def value_of(name: str, argument: Any) -> Value:
 def code_of(function: Any, *arguments: Any) -> str:
     """Return the C of a kernel for arguments like these."""
     program = Program("state")
-    names = list(bound(function, [Constant(0)] * len(arguments), {}))
+    names = list(bind_arguments(function, [Constant(0)] * len(arguments), {}))
     given = {name: value_of(name, argument) for name, argument in zip(names, arguments, strict=True)}
-    program.translated(function, given, "entry")
+    program.translated_kernel(function, given, "entry")
     return program.text(["entry"])
 
 

@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from lvnav_trade.kernels.attitude import cross, matrix
-from lvnav_trade.kernels.lanes import like, where
+from lvnav_trade.kernels.lanes import number_like, where
 
 WEIGHTS = (1.0, 4.0, 1.0)
 TABLE = np.array([[0.5, -1.5], [2.5, 1e300]])
@@ -13,7 +13,7 @@ TABLE = np.array([[0.5, -1.5], [2.5, 1e300]])
 
 def loops(out, x):
     """Loops forwards, backwards, by steps, over known numbers; what is skipped and left."""
-    total = like(x[0], 0.0)
+    total = number_like(x[0], 0.0)
     for i in range(x.shape[0]):
         if x[i] < 0.0:
             continue
@@ -88,7 +88,7 @@ def parts(out, x, n):
 
 
 def _total(values):
-    total = like(values[0], 0.0)
+    total = number_like(values[0], 0.0)
     for i in range(values.shape[0]):
         total = total + values[i]
     return total

@@ -19,7 +19,7 @@ from lvnav_trade.export.translation.values import (
 
 def code(function, **given):
     program = Program("state")
-    program.translated(function, given, "entry")
+    program.translated_kernel(function, given, "entry")
     return program.text(["entry"])
 
 
@@ -66,6 +66,6 @@ def test_a_field_or_a_name_that_there_is_not_is_named():
 
 
 def test_a_table_of_whole_numbers_is_one_of_integers():
-    assert constant_array("T", (1, 2)).kind == "int"
-    assert constant_array("T", (1, 2.5)).kind == "double"
+    assert constant_array("T", (1, 2)).c_type == "int"
+    assert constant_array("T", (1, 2.5)).c_type == "double"
     assert Constant(1) == Constant(1)

@@ -4,9 +4,16 @@ import ast
 
 import pytest
 
-from lvnav_trade.export.translation.operators import binary, called, chosen, compared, joined, unary
+from lvnav_trade.export.translation.operators import (
+    binary,
+    combine_conditions,
+    comparison,
+    conditional_value,
+    function_result,
+    unary,
+)
 from lvnav_trade.export.translation.values import Constant, Scalar, TranslationError
-from lvnav_trade.kernels.lanes import like, where
+from lvnav_trade.kernels.lanes import number_like, where
 
 A, B, N = Scalar("a", "double"), Scalar("b", "double"), Scalar("n", "int")
 
@@ -14,10 +21,10 @@ A, B, N = Scalar("a", "double"), Scalar("b", "double"), Scalar("n", "int")
 def test_known_numbers_are_computed_at_once():
     assert binary(ast.Div(), Constant(1), Constant(8)) == Constant(0.125)
     assert unary(ast.Not(), Constant(0)) == Constant(True)
-    assert compared(ast.NotIn(), Constant(3), Constant((1, 2))) == Constant(True)
-    assert chosen(Constant(False), A, B) is B
-    assert called(where, [Constant(True), A, B]) is A
-    assert called(like, [A, Constant(1)]) == Constant(1.0)
+    assert comparison(ast.NotIn(), Constant(3), Constant((1, 2))) == Constant(True)
+    assert conditional_value(Constant(False), A, B) is B
+    assert function_result(where, [Constant(True), A, B]) is A
+    assert function_result(number_like, [A, Constant(1)]) == Constant(1.0)
 
 
 @pytest.mark.parametrize(("kind", "text"), [
@@ -35,12 +42,12 @@ def test_integers_divide_as_in_python():
 
 
 def test_a_part_of_and_or_that_decides_leaves_nothing_else():
-    assert joined([A, Constant(False)], any_of=False) == Constant(False)
-    assert joined([A, Constant(False), B], any_of=True).text == "a || b"
-    assert joined([Constant(True)], any_of=False) == Constant(True)
+    assert combine_conditions([A, Constant(False)], any_of=False) == Constant(False)
+    assert combine_conditions([A, Constant(False), B], any_of=True).text == "a || b"
+    assert combine_conditions([Constant(True)], any_of=False) == Constant(True)
 
 
 def test_is_is_about_none_and_known():
-    assert compared(ast.Is(), A, Constant(None)) == Constant(False)
+    assert comparison(ast.Is(), A, Constant(None)) == Constant(False)
     with pytest.raises(TranslationError, match="with None only"):
-        compared(ast.Is(), A, B)
+        comparison(ast.Is(), A, B)

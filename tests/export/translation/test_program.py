@@ -35,7 +35,7 @@ def twice(out, x):
 
 def made():
     program = Program("state")
-    program.translated(twice, {"out": OUT, "x": OUT}, "entry")
+    program.translated_kernel(twice, {"out": OUT, "x": OUT}, "entry")
     return program.text(["entry"])
 
 
@@ -65,8 +65,8 @@ def test_a_function_of_known_numbers_is_its_value():
         out[0] = known(n)
 
     program = Program("state")
-    program.known(known, "known")
-    found = program.translated(known, {"n": Constant(3)})
+    program.global_value(known, "known")
+    found = program.translated_kernel(known, {"n": Constant(3)})
     assert found.constant == Constant(4)
-    assert program.translated(known, {"n": Scalar("n", "int")}).constant is None
+    assert program.translated_kernel(known, {"n": Scalar("n", "int")}).constant is None
     assert caller is not None

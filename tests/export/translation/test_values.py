@@ -11,8 +11,8 @@ from lvnav_trade.export.translation.values import (
     Scalar,
     TranslationError,
     as_scalar,
-    held,
     literal,
+    operand_text,
     size_of,
     table_of,
 )
@@ -36,12 +36,12 @@ def test_what_is_no_number_is_refused():
 
 
 def test_weaker_operators_stand_in_brackets():
-    assert held(Scalar("a + b", "double", 3), 2) == "(a + b)"
-    assert held(Scalar("a * b", "double", 2), 3) == "a * b"
+    assert operand_text(Scalar("a + b", "double", 3), 2) == "(a + b)"
+    assert operand_text(Scalar("a * b", "double", 2), 3) == "a * b"
 
 
 def test_an_axis_that_is_always_the_present_one_is_not_declared():
     array = Array("x", (1, 4, 3), "double", rings=(ONLY,))
-    assert array.declared("p") == "double (*p)[3]"
-    assert table_of("T", np.zeros((2, 3))).declared("p") == "const double (*p)[3]"
-    assert table_of("T", np.zeros(3, dtype=np.int64)).declared("p") == "const int *p"
+    assert array.declaration("p") == "double (*p)[3]"
+    assert table_of("T", np.zeros((2, 3))).declaration("p") == "const double (*p)[3]"
+    assert table_of("T", np.zeros(3, dtype=np.int64)).declaration("p") == "const int *p"

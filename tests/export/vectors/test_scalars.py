@@ -14,7 +14,7 @@ def prepared_with(aided=False, has_covariance=False, solver=None):
         channels=None,
         signals=None,
         channel_names=(),
-        model=SimpleNamespace(aided=aided, has_covariance=has_covariance),
+        model=SimpleNamespace(has_epochs=aided, has_reported_covariance=has_covariance),
         options=SimpleNamespace(solver=solver),
         t_epoch=(0.0, 1.0),
     )

@@ -21,14 +21,14 @@ def smoke():
 
 
 @pytest.fixture(scope="module")
-def prepared():
+def prepared_case():
     return prepared_of({"measurements": "ranges", "correction": "closed"})
 
 
 @pytest.fixture
-def small(monkeypatch, prepared):
+def small(monkeypatch, prepared_case):
     """Let the tables be one of three rows: no run is simulated."""
-    monkeypatch.setattr(made, "prepare", lambda _: prepared)
+    monkeypatch.setattr(made, "prepare", lambda _: prepared_case)
     frame = pd.DataFrame({"epoch": [0, 1, 2], "t_s": [0.1, 1.0 / 3.0, np.nan]})
     columns = {"epoch": ("", "number of the epoch"), "t_s": ("s", "time since lift-off")}
     monkeypatch.setattr(made, "vectors_of", lambda *_: {"epochs": VectorTable("Epochs", frame, columns)})

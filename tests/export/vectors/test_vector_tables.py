@@ -102,13 +102,13 @@ def _level(dimension, word):
 def empty(monkeypatch):
     """Let runs have tapes of zeros: no kernel is compiled."""
 
-    def zeros(prepared, seed, run):
-        work, _ = new_work(prepared, lanes=False)
-        tape = new_tape(work, len(prepared.unit.dtheta), prepared.t_epoch.size)
+    def zeros(prepared_case, seed, run):
+        work, _ = new_work(prepared_case, uses_lanes=False)
+        tape = new_tape(work, len(prepared_case.unit.dtheta), prepared_case.t_epoch.size)
         return TapedRun(tape, work.innovation, work.n_row, work.n_reject)
 
-    monkeypatch.setattr(made, "taped", zeros)
-    assert made.taped is not montecarlo.taped
+    monkeypatch.setattr(made, "record_run", zeros)
+    assert made.record_run is not montecarlo.record_run
 
 
 @pytest.mark.parametrize(

@@ -15,13 +15,13 @@ from lvnav_trade.kernels.covariance import predict
 
 def processing(cloned, first, back):
     return DifferenceProcessing(
-        difference=np.zeros(3, bool),
-        present=np.ones((1, 3), bool),
+        is_difference=np.zeros(3, bool),
+        is_present=np.ones((1, 3), bool),
         previous_entry=0,
-        renewed=np.full((1, 1), -1.0),
-        cloned=np.array(cloned),
+        reset_variance=np.full((1, 1), -1.0),
+        cloned_states=np.array(cloned),
         clone=first,
-        back=back,
+        is_back_propagated=back,
     )
 
 
@@ -40,7 +40,8 @@ def test_the_earlier_state_found_by_the_inverse_transition_is_the_clone(growth):
     rows, columns = np.array([6, 3, 0]), np.array([3, 0, 9 - 3])
     Model = namedtuple(
         "Model",
-        "seconds block_rows block_columns decay noise clock injected inflation growth n_estimated n_state uneven",
+        "seconds block_rows block_columns decay noise clock injected_variance inflation h_infinity_weight n_estimated "
+        "n_state excess_density",
     )
     model = Model(
         np.array([0.3]),

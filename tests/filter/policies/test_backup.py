@@ -36,9 +36,13 @@ def simulated(*settings, initial=(), **fields):
 
 
 def test_a_strapdown_that_is_never_corrected_is_a_pure_inertial_system_on_the_same_draws():
-    prepared = flown(backup=True)
-    at = [k for k, output in enumerate(prepared.outputs) if output.quantity.startswith("backup_")]
-    assert [prepared.outputs[k].quantity for k in at[::3]] == ["backup_attitude", "backup_velocity", "backup_position"]
+    prepared_case = flown(backup=True)
+    at = [k for k, output in enumerate(prepared_case.outputs) if output.quantity.startswith("backup_")]
+    assert [prepared_case.outputs[k].quantity for k in at[::3]] == [
+        "backup_attitude",
+        "backup_velocity",
+        "backup_position",
+    ]
     both, alone = simulated(backup=True), simulated(INERTIAL)
     scale = alone.sigma[:, :, :9]
     assert np.abs((both.err[:, :, at] - alone.err[:, :, :9]) / scale).max() < 1e-9
@@ -56,8 +60,8 @@ def test_the_closed_loop_beside_it_flies_as_without():
 
 def test_linear_covariance_gives_it_by_source_as_of_a_pure_inertial_system():
     both, alone = covariance(flown(backup=True)), covariance(flown(INERTIAL))
-    n = both.formal.shape[1] - 9
-    np.testing.assert_allclose(both.formal[:, n:], alone.formal[:, :9], rtol=1e-12)
+    n = both.formal_sigma.shape[1] - 9
+    np.testing.assert_allclose(both.formal_sigma[:, n:], alone.formal_sigma[:, :9], rtol=1e-12)
     np.testing.assert_allclose(both.true_sigma[:, n:], alone.true_sigma[:, :9], rtol=1e-12)
     np.testing.assert_allclose(both.budget.sum(axis=1), both.true_sigma**2, rtol=1e-10)
     for k, name in enumerate(alone.sources):
@@ -68,17 +72,17 @@ def test_linear_covariance_gives_it_by_source_as_of_a_pure_inertial_system():
 
 
 def test_its_adjoint_and_its_covariances_by_source_are_those_of_linear_covariance():
-    prepared, last = flown(backup=True), 30.0
-    history, back = covariance(prepared), adjoint(prepared, last)
-    n = history.formal.shape[1] - 9
-    assert [output.quantity for output in back.outputs[9::3]] == [o.quantity for o in prepared.outputs[n::3]]
+    prepared_case, last = flown(backup=True), 30.0
+    history, back = covariance(prepared_case), adjoint(prepared_case, last)
+    n = history.formal_sigma.shape[1] - 9
+    assert [output.quantity for output in back.outputs[9::3]] == [o.quantity for o in prepared_case.outputs[n::3]]
     found, expected = back.contribution.sum(axis=2).T, history.budget[-1]
     for columns, part in ((slice(0, 9), slice(0, 9)), (slice(n, None), slice(9, None))):
         np.testing.assert_allclose(
             found[:, part], expected[:, columns], rtol=1e-6, atol=1e-9 * expected[:, columns].max()
         )
     alone = covariance(flown(INERTIAL))
-    by_source = source_covariances(prepared, last)
+    by_source = source_covariances(prepared_case, last)
     assert by_source.shape[1:] == (6, 3, 3)
     total = np.diagonal(by_source.sum(axis=0), axis1=1, axis2=2).ravel()
     np.testing.assert_allclose(total[9:], alone.true_sigma[-1, :9] ** 2, rtol=1e-6)
@@ -89,12 +93,12 @@ def test_its_adjoint_and_its_covariances_by_source_are_those_of_linear_covarianc
 
 def test_a_direct_filter_linearises_every_scalar_where_the_one_before_has_left_the_state():
     """One epoch from 3 km away, against a loop in numpy that fills its rows anew after every scalar."""
-    prepared, epoch = flown(feedback="direct", initial=tuple(LARGE.items())), 5
-    model, signals, dt = prepared.model, prepared.signals, prepared.unit.dt
+    prepared_case, epoch = flown(feedback="direct", initial=tuple(LARGE.items())), 5
+    model, signals, dt = prepared_case.model, prepared_case.signals, prepared_case.unit.dt
     n_row = 2 * signals.n_used[epoch]
 
     def start():
-        work = observed(prepared, epoch, np.zeros(n_row))
+        work = observed(prepared_case, epoch, np.zeros(n_row))
         off = np.zeros(model.n_state)
         off[6:9] = [3000.0, -2000.0, 1000.0]
         correct_motion(work.nav, off)
@@ -104,7 +108,7 @@ def test_a_direct_filter_linearises_every_scalar_where_the_one_before_has_left_t
         return work
 
     direct, closed, by_hand = start(), start(), start()
-    case = case_of(prepared)
+    case = case_of(prepared_case)
     update_receiver(direct, OptionalState(), case, None, True, epoch, np.inf, None)
     update_receiver(closed, OptionalState(), case, None, None, epoch, np.inf, None)
     ekf.correct(closed, None, None, model)
@@ -112,7 +116,7 @@ def test_a_direct_filter_linearises_every_scalar_where_the_one_before_has_left_t
     for row in range(n_row):
         ekf.place_antenna(by_hand, None, None, model, dt, epoch)
         ekf.fill_receiver(by_hand, None, None, model, signals, epoch)
-        H, z, R = dense_rows(prepared, by_hand, epoch)
+        H, z, R = dense_rows(prepared_case, by_hand, epoch)
         gain = P @ H[row] / (H[row] @ P @ H[row] + R[row])
         P = P - np.outer(gain, H[row] @ P)
         by_hand.x[:] = gain * z[row]
@@ -129,7 +133,7 @@ def test_direct_and_closed_loop_are_the_same_but_for_second_order():
     rms = [np.sqrt(np.mean(block.err[:, 5:, :9] ** 2, axis=(0, 1))) for block in (one, other)]
     np.testing.assert_allclose(rms[0], rms[1], rtol=0.01)
     assert np.abs(one.err - other.err).max() > 0.0
-    np.testing.assert_array_equal(covariance(flown(feedback="direct")).formal, covariance(flown()).formal)
+    np.testing.assert_array_equal(covariance(flown(feedback="direct")).formal_sigma, covariance(flown()).formal_sigma)
     far, near = (simulated(feedback=name, initial=tuple(LARGE.items())) for name in ("direct", "closed"))
     apart = np.abs(far.err[:, 1, 6:9] - near.err[:, 1, 6:9]).max()
     assert apart > 100.0 * np.abs(one.err[:, 1, 6:9] - other.err[:, 1, 6:9]).max()

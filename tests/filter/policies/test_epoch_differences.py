@@ -10,7 +10,7 @@ import pytest
 from lvnav_trade.filter.policies.epoch_differences import (
     DifferenceProcessing,
     clone,
-    renew,
+    reset_states,
 )
 from lvnav_trade.kernels.covariance import update_scalar
 
@@ -20,7 +20,7 @@ FilterModel = namedtuple("FilterModel", "extra_offset")
 ONE = FilterModel(np.array([NOISE]))
 
 
-def delayed(cloned, first, renewed=-1.0, back=False):
+def differences(cloned, first, renewed=-1.0, back=False):
     """What a filter of these clones, and one extra state, needs at a single epoch."""
     return DifferenceProcessing(
         np.zeros(3, bool), np.ones((1, 3), bool), 0, np.full((1, 1), renewed), np.array(cloned), first, back
@@ -37,7 +37,7 @@ def straight(noise_is_state, n=N):
     P[EARLIER_NOISE, EARLIER_NOISE] = SIGMA**2 if noise_is_state else 0.0
     P[EARLIER], P[:, EARLIER] = P[POSITION], P[:, POSITION]
     P[EARLIER, EARLIER] = P[POSITION, POSITION]
-    clones = delayed([POSITION, NOISE], EARLIER, SIGMA**2 if noise_is_state else 0.0)
+    clones = differences([POSITION, NOISE], EARLIER, SIGMA**2 if noise_is_state else 0.0)
     step, h = np.eye(5), np.array([1.0, 0.0, 1.0, -1.0, -1.0])
     step[POSITION, SPEED] = T
     error = np.zeros((5, n + 1))  # of the estimate, by error of phase
@@ -46,7 +46,7 @@ def straight(noise_is_state, n=N):
     for k in range(1, n + 1):
         P[:] = step @ P @ step.T
         error = step @ error
-        renew(P, x, np.zeros(1), clones, ONE, 0)
+        reset_states(P, x, np.zeros(1), clones, ONE, 0)
         error[NOISE] = 0.0
         missed = np.zeros(n + 1)
         if noise_is_state:
@@ -76,11 +76,11 @@ def test_differences_whose_noise_is_a_state_give_the_straight_line_through_all_p
 
 def test_a_state_that_begins_anew_has_its_variance_and_is_independent():
     P, x, extra = np.ones((5, 5)), np.ones(5), np.ones(1)
-    renew(P, x, extra, delayed([POSITION], EARLIER, 0.25), ONE, 0)
+    reset_states(P, x, extra, differences([POSITION], EARLIER, 0.25), ONE, 0)
     assert P[NOISE, NOISE] == 0.25
     assert (x[NOISE], extra[0]) == (0.0, 0.0)
     assert np.abs(np.delete(P[NOISE], NOISE)).max() == 0.0
     kept, others = P.copy(), [POSITION, SPEED, EARLIER, EARLIER_NOISE]
-    renew(P, x, extra, delayed([POSITION], EARLIER), ONE, 0)  # none is due
+    reset_states(P, x, extra, differences([POSITION], EARLIER), ONE, 0)  # none is due
     np.testing.assert_array_equal(P, kept)
     assert np.all(P[np.ix_(others, others)] == 1.0)

@@ -28,39 +28,45 @@ def flown(initial=(), *settings, **fields):
     return prepare_hop(scenario.model_copy(update={"filter": card, "initial": start}))
 
 
-def predicted(prepared, off, sigma, epoch=0):
+def predicted(prepared_case, off, sigma, epoch=0):
     """Return a prediction whose position is `off` (3,) m from the truth, of covariance `sigma`^2, with filled rows."""
-    work, parts = new_work(prepared, False)
-    signals, model, dt = prepared.signals, prepared.model, prepared.unit.dt
-    ref, tick = prepared.reference, int(np.searchsorted(prepared.reference.t, prepared.t_epoch[epoch] - 1e-6))
+    work, optional_state = new_work(prepared_case, False)
+    signals, model, dt = prepared_case.signals, prepared_case.model, prepared_case.unit.dt
+    ref, tick = (
+        prepared_case.reference,
+        int(np.searchsorted(prepared_case.reference.t, prepared_case.t_epoch[epoch] - 1e-6)),
+    )
     work.nav[:] = np.concatenate([ref.q_b_i[tick], ref.v_i[tick], ref.r_i[tick] + off])
     work.previous[:3] = ref.dtheta[tick - 1]
-    work.P[:] = np.diag(np.diag(prepared.start.P) + 1e-8)
+    work.P[:] = np.diag(np.diag(prepared_case.initial_state.P) + 1e-8)
     work.P[range(6, 9), range(6, 9)] = sigma**2
     for slot in range(signals.n_used[epoch]):
-        s = signals.used[epoch, slot]
+        s = signals.satellite_by_slot[epoch, slot]
         work.ranges[slot] = signals.range[epoch, s], signals.rate[epoch, s]
     ekf.place_antenna(work, None, None, model, dt, epoch)
     ekf.fill_receiver(work, None, None, model, signals, epoch)
     ekf.clear_epoch(work, epoch)
-    return work, parts
+    return work, optional_state
 
 
-def updated(prepared, off, sigma, epoch=0):
+def updated(prepared_case, off, sigma, epoch=0):
     """Return the arrays of an iterated update, the covariance before it, and the error state of a single update."""
-    case, (once, _), (work, parts) = case_of(prepared), *(predicted(prepared, off, sigma, epoch) for _ in range(2))
+    case, (once, _), (work, optional_state) = (
+        case_of(prepared_case),
+        *(predicted(prepared_case, off, sigma, epoch) for _ in range(2)),
+    )
     P, nav = work.P.copy(), work.nav.copy()
     process_receiver(once, OptionalState(), case, None, None, epoch, np.inf, None)
-    process_receiver(work, parts, case, None, parts.iteration, epoch, np.inf, None)
+    process_receiver(work, optional_state, case, None, optional_state.iteration, epoch, np.inf, None)
     assert np.array_equal(work.nav, nav)
     return work, P, once.x.copy()
 
 
-def minimum(prepared, work, P, epoch=0):
+def minimum(prepared_case, work, P, epoch=0):
     """Return the error state (n,) of the least cost of prediction and measurements, by scipy, its own Jacobian."""
-    signals, model, dt = prepared.signals, prepared.model, prepared.unit.dt
-    n_row = ekf.n_measured(model, signals, epoch)
-    sigma = np.sqrt([signals.variance[epoch, ekf.channel_of(model, signals, epoch, row)] for row in range(n_row)])
+    signals, model, dt = prepared_case.signals, prepared_case.model, prepared_case.unit.dt
+    n_row = ekf.receiver_row_count(model, signals, epoch)
+    sigma = np.sqrt([signals.variance[epoch, ekf.receiver_channel(model, signals, epoch, row)] for row in range(n_row)])
     root = np.linalg.inv(np.linalg.cholesky(P))
     nav = work.nav.copy()
 
@@ -82,20 +88,20 @@ def minimum(prepared, work, P, epoch=0):
 
 def test_passes_lead_to_the_least_cost_where_one_update_does_not():
     """A start 300 km off: the lines of sight turn by a degree, and one update is a kilometre off."""
-    prepared = flown(iterations=8)
+    prepared_case = flown(iterations=8)
     off = np.array([200e3, -150e3, 150e3])
-    work, P, first = updated(prepared, off, 300e3)
+    work, P, first = updated(prepared_case, off, 300e3)
     found = work.x[6:9].copy()
-    least = minimum(prepared, work, P)[6:9]
+    least = minimum(prepared_case, work, P)[6:9]
     assert np.linalg.norm(first[6:9] - least) > 1000.0
     assert np.linalg.norm(found - least) < 0.05
     assert np.linalg.norm(found + off) < 1.0
 
 
 def test_counts_are_those_of_one_update():
-    prepared = flown(iterations=8)
-    work, _, _ = updated(prepared, np.zeros(3), 10.0)
-    assert work.n_row[0] == ekf.n_measured(prepared.model, prepared.signals, 0)
+    prepared_case = flown(iterations=8)
+    work, _, _ = updated(prepared_case, np.zeros(3), 10.0)
+    assert work.n_row[0] == ekf.receiver_row_count(prepared_case.model, prepared_case.signals, 0)
 
 
 def test_small_errors_leave_an_extended_filter():
@@ -120,7 +126,7 @@ def test_from_far_off_the_first_epoch_is_as_good_as_from_near():
 def test_linear_covariance_is_that_of_the_extended_filter():
     again, once = (covariance(flown(algorithm=name)) for name in ("iterated", "extended"))
     assert np.array_equal(again.true_sigma, once.true_sigma)
-    assert np.array_equal(again.formal, once.formal)
+    assert np.array_equal(again.formal_sigma, once.formal_sigma)
 
 
 def test_a_filter_that_linearises_at_every_scalar_is_not_iterated():

@@ -33,15 +33,15 @@ from lvnav_trade.filter.policies.mode_logic import (
 )
 from lvnav_trade.filter.policies.policy_cards import AFTER_STOP, CHECKS
 from lvnav_trade.kernels.jit import jit
-from lvnav_trade.kernels.lanes import WIDTH, like, view, where
+from lvnav_trade.kernels.lanes import WIDTH, number_like, view, where
 from lvnav_trade.kernels.transition import POS, VEL
 from lvnav_trade.quantities.records import AIDING, CONVERGING, FIRST_CHECK, MODES, PREDICTING, REASONS, STOPPED, WAITING
 
 N_EPOCH, N = 60, 9
 # As much of the filter and of the measurements as says which channel a row is of.
-FilterModel = namedtuple("FilterModel", "tight measured n_kind")
-Signals = namedtuple("Signals", "used")
-Present = namedtuple("Present", "present")  # of what a filter knows of differences
+FilterModel = namedtuple("FilterModel", "tight is_processed n_observable")
+Signals = namedtuple("Signals", "satellite_by_slot")
+Present = namedtuple("Present", "is_present")  # of what a filter knows of differences
 P0 = np.diag([1e-6] * 3 + [4.0] * 3 + [100.0] * 3)
 SIGMA = 5.0
 VARIANCE = np.array([SIGMA**2] * 3 + [0.01] * 3)
@@ -52,16 +52,16 @@ def rules(**changed):
     """Five samples, 10 s to converge, 6 s of error; all on."""
     every = ModeRules(
         interval=1.0,
-        good=np.ones(N_EPOCH, dtype=bool),
-        limits=np.array([100.0] * 3 + [10.0] * 3),
-        spread=np.array([1e4] * 3 + [1e2] * 3),
+        is_good=np.ones(N_EPOCH, dtype=bool),
+        residual_limits=np.array([100.0] * 3 + [10.0] * 3),
+        variance_limits=np.array([1e4] * 3 + [1e2] * 3),
         start_after=5.0,
         correct_after=10.0,
         stop_after=6.0,
         after_stop=INERTIAL,
         restarts=np.ones(3),
         from_gnss=False,
-        P=P0.copy(),
+        start_covariance=P0.copy(),
     )
     return every._replace(**changed)
 
@@ -72,11 +72,11 @@ def epoch_of(mode_state, rules, model, signals, epoch, P, x, z, grown, variance)
     for i in range(P.shape[0]):
         P[i, i] = P[i, i] + grown
     for row in range(6):
-        mode_state.predicted[row] = x[6 + row] if row < 3 else x[row]
+        mode_state.predicted_innovation[row] = x[6 + row] if row < 3 else x[row]
     check_measurements(mode_state, rules, None, model, signals, epoch, z, 6)
-    if rules.good[epoch]:
+    if rules.is_good[epoch]:
         for row in range(6):
-            mode_state.predicted[row] = variance[row]
+            mode_state.predicted_innovation[row] = variance[row]
         start_filter(P, x, mode_state, rules, z)
     update_mode(mode_state, rules, epoch, P)
 
@@ -135,23 +135,23 @@ def test_without_the_rule_the_first_sample_starts_it_and_it_corrects_at_once():
 
 
 def test_a_missed_sample_starts_the_count_anew():
-    assert run(rules(good=lost((3, 4))))[0][0] == (8, *START[1:])
-    assert run(rules(good=lost((3, 4)), start_after=3.0))[0][0] == (2, *START[1:])
+    assert run(rules(is_good=lost((3, 4))))[0][0] == (8, *START[1:])
+    assert run(rules(is_good=lost((3, 4)), start_after=3.0))[0][0] == (2, *START[1:])
 
 
 def test_samples_that_do_not_agree_with_each_other_do_not_start_it():
     z = wild((2, 9))
     assert run(rules(), z)[0][0] == (13, *START[1:])  # the sample at 9 is the first that has a like one after it
-    assert run(rules(limits=np.full(6, np.inf)), z)[0][0] == START
+    assert run(rules(residual_limits=np.full(6, np.inf)), z)[0][0] == START
 
 
 def test_a_loss_before_convergence_lets_it_wait_again():
-    changes, _, _, _ = run(rules(good=lost((8, 9))))
+    changes, _, _, _ = run(rules(is_good=lost((8, 9))))
     assert changes[:3] == [START, (8, "converging", "waiting", "data lost"), (13, *START[1:])]
 
 
 def test_a_short_loss_after_convergence_is_bridged_by_prediction():
-    changes, used, _, _ = run(rules(good=lost((20, 24))))
+    changes, used, _, _ = run(rules(is_good=lost((20, 24))))
     assert changes == [
         START, CONVERGE, (20, "aiding", "predicting", "data lost"), (24, "predicting", "aiding", "data again"),
     ]  # fmt: skip
@@ -160,7 +160,7 @@ def test_a_short_loss_after_convergence_is_bridged_by_prediction():
 
 
 def test_a_loss_that_persists_stops_it_and_it_starts_again_with_good_samples():
-    changes, _, _, _ = run(rules(good=lost((20, 32))))
+    changes, _, _, _ = run(rules(is_good=lost((20, 32))))
     assert changes[2:] == [
         (20, "aiding", "predicting", "data lost"),
         (25, "predicting", "stopped", "data loss persists"),  # the sixth second without a sample
@@ -170,18 +170,18 @@ def test_a_loss_that_persists_stops_it_and_it_starts_again_with_good_samples():
 
 
 def test_where_it_may_not_start_again_it_stays_stopped():
-    changes, used, _, _ = run(rules(good=lost((20, 32)), restarts=np.array([0.0, 1.0, 1.0])))
+    changes, used, _, _ = run(rules(is_good=lost((20, 32)), restarts=np.array([0.0, 1.0, 1.0])))
     assert changes[-1] == (25, "predicting", "stopped", "data loss persists")
     assert not used[25:].any()
 
 
 def test_without_a_limit_of_time_a_long_loss_does_not_stop_it():
-    changes, _, _, _ = run(rules(good=lost((20, 50)), stop_after=np.inf))
+    changes, _, _, _ = run(rules(is_good=lost((20, 50)), stop_after=np.inf))
     assert changes[-1] == (50, "predicting", "aiding", "data again")
 
 
 def test_intermittent_losses_never_last_long_enough():
-    changes, used, _, _ = run(rules(good=lost(*[(k, k + 5) for k in range(16, 58, 6)])))
+    changes, used, _, _ = run(rules(is_good=lost(*[(k, k + 5) for k in range(16, 58, 6)])))
     assert "stopped" not in [after for _, _, after, _ in changes]
     assert used[16:].sum() == len(range(16, N_EPOCH)) - 5 * 7
 
@@ -202,7 +202,7 @@ def test_one_wild_axis_is_enough(row):
 
 
 def test_without_a_limit_a_wild_sample_is_assumed():
-    assert run(rules(limits=np.full(6, np.inf)), wild((20, 23)))[1][4:].all()
+    assert run(rules(residual_limits=np.full(6, np.inf)), wild((20, 23)))[1][4:].all()
 
 
 def test_a_residual_error_that_persists_stops_it_and_normal_samples_start_it_again():
@@ -219,9 +219,9 @@ def test_a_covariance_error_that_persists_stops_it_whatever_its_kind():
     assert changes[2] == (25, "aiding", "stopped", "covariance error persists")
     assert changes[3] == (26, "stopped", "converging", "good samples in a row")  # samples were good all along
     assert run(rules(restarts=np.array([1.0, 1.0, 0.0])), broken=range(20, 32))[0][-1][2] == "stopped"
-    bounded = rules(spread=np.full(6, 3.9))  # below what the velocity has at the start
+    bounded = rules(variance_limits=np.full(6, 3.9))  # below what the velocity has at the start
     assert run(bounded)[0][1] == (9, "converging", "stopped", "covariance error persists")
-    assert run(rules(spread=np.full(6, np.inf)))[0] == [START, CONVERGE]
+    assert run(rules(variance_limits=np.full(6, np.inf)))[0] == [START, CONVERGE]
 
 
 def test_a_start_sets_error_state_and_covariance_and_from_gnss_takes_the_sample():
@@ -251,7 +251,7 @@ def test_ranges_are_checked_by_the_channels_of_their_satellites():
     taken[5] = False  # the range rate of the third satellite
     model, signals = FilterModel(True, taken, 2), Signals(np.array([[0, 2, 0], [2, 0, 0], [0, 1, 0]]))
     limits = np.array([10.0, 1.0, 10.0, 1.0, 10.0, 1.0])
-    settings, mode_state = rules(limits=limits, start_after=2.0), new_mode_state(3, 6, 6)
+    settings, mode_state = rules(residual_limits=limits, start_after=2.0), new_mode_state(3, 6, 6)
     begin_mode_logic(mode_state)
     samples = [[100.0, 5.0, 300.0, 7.0], [301.0, 99.0, 101.0, 5.5], [102.0, 5.0, 50.0, 2.0]]
     for epoch, values in enumerate(samples):
@@ -259,7 +259,7 @@ def test_ranges_are_checked_by_the_channels_of_their_satellites():
         has_covariance(mode_state, settings, model, signals, epoch, z, 4)
         assert mode_state.state[COUNT] == epoch + 1.0
         assert mode_state.sample[1] == (1.0 if epoch else 0.0)
-    np.testing.assert_array_equal(mode_state.before, [102.0, 5.0, 50.0, 2.0, 301.0, np.nan])
+    np.testing.assert_array_equal(mode_state.previous_innovation, [102.0, 5.0, 50.0, 2.0, 301.0, np.nan])
     apart = np.array([113.0, 5.0, 50.0, 2.0, 0.0, 0.0])
     has_covariance(mode_state, settings, model, signals, 2, apart, 4)
     assert mode_state.state[COUNT] == 1.0
@@ -270,7 +270,7 @@ def test_a_difference_that_is_not_there_is_not_checked():
     model, signals = FilterModel(True, np.ones(2, dtype=bool), 2), Signals(np.array([[0]]))
     z = np.array([1.0, np.nan])
     for present, count in ((False, 1.0), (True, 0.0)):
-        settings, mode_state = rules(limits=np.full(2, np.inf)), new_mode_state(1, 2, 2)
+        settings, mode_state = rules(residual_limits=np.full(2, np.inf)), new_mode_state(1, 2, 2)
         begin_mode_logic(mode_state)
         mode_state.state[MODE] = AIDING
         here = np.array([[True, present]])
@@ -291,26 +291,26 @@ def test_it_runs_and_corrects_in_the_modes_that_are_named_so():
 @jit
 def eight(w, rules, model, signals, P, x, z, gates, variance):
     mode_state = ModeState(
-        view(w.state), view(w.before), view(w.z), view(w.predicted), view(w.sample), view(w.mode), view(w.reason),
-        view(w.held),
+        view(w.state), view(w.previous_innovation), view(w.z), view(w.predicted_innovation), view(w.sample),
+        view(w.mode), view(w.reason), view(w.held_correction),
     )  # fmt: skip
     Pv, xv, zv, gv = view(P), view(x), view(z), view(gates)
     begin_mode_logic(mode_state)
-    for epoch in range(rules.good.shape[0]):
+    for epoch in range(rules.is_good.shape[0]):
         sample = zv[epoch]
         for row in range(6):
-            mode_state.predicted[row] = xv[6 + row] if row < 3 else xv[row]
+            mode_state.predicted_innovation[row] = xv[6 + row] if row < 3 else xv[row]
         check_measurements(mode_state, rules, None, model, signals, epoch, sample, 6)
-        if rules.good[epoch]:
+        if rules.is_good[epoch]:
             for row in range(6):
-                mode_state.predicted[row] = like(xv[0], variance[row])
+                mode_state.predicted_innovation[row] = number_like(xv[0], variance[row])
             start_filter(Pv, xv, mode_state, rules, sample)
         gv[epoch] = where(mode_state.sample[0] > 0.0, np.inf, -1.0)
         update_mode(mode_state, rules, epoch, Pv)
 
 
 def test_eight_runs_go_their_own_ways():
-    settings = rules(good=lost((40, 43)))
+    settings = rules(is_good=lost((40, 43)))
     samples = np.zeros((N_EPOCH, 6, WIDTH))
     for lane in range(WIDTH):
         samples[:, :, lane] = wild((15 + lane, 15 + 2 * lane))
@@ -334,15 +334,15 @@ def test_eight_runs_go_their_own_ways():
 def test_what_corrects_the_outputs_is_held_and_nothing_else(after_stop):
     mode_state, settings = new_mode_state(N_EPOCH, n_state=N), rules(after_stop=after_stop)
     begin_mode_logic(mode_state)
-    assert not mode_state.held.any()
+    assert not mode_state.held_correction.any()
     for mode in (WAITING, CONVERGING, AIDING, PREDICTING, STOPPED, WAITING, CONVERGING, AIDING):
-        before, x = mode_state.held.copy(), np.full(N, 1.0 + mode)
+        before, x = mode_state.held_correction.copy(), np.full(N, 1.0 + mode)
         mode_state.state[MODE] = mode
         hold_correction(mode_state, settings, x)
         held = after_stop != INERTIAL and mode in (AIDING, PREDICTING)
-        np.testing.assert_array_equal(mode_state.held, x if held else before)
+        np.testing.assert_array_equal(mode_state.held_correction, x if held else before)
     begin_mode_logic(mode_state)
-    assert not mode_state.held.any()
+    assert not mode_state.held_correction.any()
 
 
 def test_outputs_after_a_stop_have_the_numbers_of_the_card():

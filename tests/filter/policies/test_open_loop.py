@@ -33,8 +33,8 @@ def flown(*settings, faults=(), initial=None, history=1.0, **fields):
     return prepare_hop(with_fields(scenario.model_copy(update={"filter": card, "initial": start}), faults=list(faults)))
 
 
-def errors(prepared, runs=24, seed=3):
-    return run_block(prepared, seed, 0, runs).err[:, :, :9]
+def errors(prepared_case, runs=24, seed=3):
+    return run_block(prepared_case, seed, 0, runs).err[:, :, :9]
 
 
 @pytest.mark.parametrize("coupling", [LOOSE, TIGHT], ids=["loose", "tight"])
@@ -68,7 +68,7 @@ def test_what_they_differ_by_is_of_second_order_in_the_initial_error():
     for size in ("0.2 deg", "0.4 deg", "0.8 deg"):
         same = {"tilt": size, "heading": size}
         pair = [flown(LOOSE, initial=same, **fields) for fields in ({}, OPEN)]
-        one, other = (errors(prepared) for prepared in pair)
+        one, other = (errors(prepared_case) for prepared_case in pair)
         differences.append(np.sqrt(np.mean((one - other)[:, -1, 3:6] ** 2)))
     ratios = np.array(differences[1:]) / differences[:-1]
     assert np.all((ratios > 3.0) & (ratios < 5.0)), (differences, ratios)
@@ -83,9 +83,9 @@ def test_nothing_that_is_estimated_reaches_the_strapdown():
 
 
 def test_linear_covariance_describes_the_open_loop():
-    prepared, runs = flown(LOOSE, **OPEN), 400
-    history, err = covariance(prepared), errors(prepared, runs)
-    at = [int(np.argmin(np.abs(prepared.t_hist - t))) for t in (5.0, 15.0, 30.0)]
+    prepared_case, runs = flown(LOOSE, **OPEN), 400
+    history, err = covariance(prepared_case), errors(prepared_case, runs)
+    at = [int(np.argmin(np.abs(prepared_case.t_hist - t))) for t in (5.0, 15.0, 30.0)]
     ratio = err[:, at].var(axis=0, ddof=1) / history.true_sigma[at, :9] ** 2
     tail = 1e-3 / 2 / ratio.size
     low, high = chi2.ppf([tail, 1.0 - tail], runs - 1) / (runs - 1)
@@ -98,9 +98,9 @@ LATE = {"start_after": 3, "correct_after": "12 s"}
 
 def test_linear_covariance_describes_outputs_that_are_not_corrected_at_first():
     """The filter starts at 3 s and corrects from 15 s on: before, the outputs are those of the inertial system."""
-    prepared, runs = flown(LOOSE, **OPEN, logic=LATE), 400
-    history, err = covariance(prepared), errors(prepared, runs)
-    at = [int(np.argmin(np.abs(prepared.t_hist - t))) for t in (2.0, 10.0, 14.0, 15.0, 25.0)]
+    prepared_case, runs = flown(LOOSE, **OPEN, logic=LATE), 400
+    history, err = covariance(prepared_case), errors(prepared_case, runs)
+    at = [int(np.argmin(np.abs(prepared_case.t_hist - t))) for t in (2.0, 10.0, 14.0, 15.0, 25.0)]
     ratio = err[:, at].var(axis=0, ddof=1) / history.true_sigma[at, :9] ** 2
     tail = 1e-3 / 2 / ratio.size
     low, high = chi2.ppf([tail, 1.0 - tail], runs - 1) / (runs - 1)
@@ -112,11 +112,11 @@ def test_linear_covariance_describes_outputs_that_are_not_corrected_at_first():
 
 @pytest.mark.parametrize("time", [14.0, 25.0])
 def test_budget_and_adjoint_are_those_of_the_outputs_corrected_or_not(time):
-    prepared = flown(LOOSE, **OPEN, logic=LATE)
-    history, hist = covariance(prepared), int(np.argmin(np.abs(prepared.t_hist - time)))
+    prepared_case = flown(LOOSE, **OPEN, logic=LATE)
+    history, hist = covariance(prepared_case), int(np.argmin(np.abs(prepared_case.t_hist - time)))
     variance = history.true_sigma[hist, :9] ** 2
     np.testing.assert_allclose(history.budget[hist, :, :9].sum(axis=0), variance, rtol=1e-9)
-    np.testing.assert_allclose(adjoint(prepared, time).contribution.sum(axis=(1, 2)), variance, rtol=1e-6)
+    np.testing.assert_allclose(adjoint(prepared_case, time).contribution.sum(axis=(1, 2)), variance, rtol=1e-6)
 
 
 STOP = {"start_after": 3, "correct_after": "2 s", "stop_after": "4 s"}
@@ -156,16 +156,16 @@ def test_a_predicted_correction_is_that_of_a_filter_that_predicts_on():
 
 @pytest.mark.parametrize("after_stop", ["inertial", "predicted"])
 def test_linear_covariance_describes_outputs_after_a_stop(after_stop):
-    prepared, runs = stopped(after_stop), 400
-    history, err = covariance(prepared), errors(prepared, runs)
-    at = [int(np.argmin(np.abs(prepared.t_hist - t))) for t in (8.0, 12.0, 16.0, 21.0, 25.0)]
+    prepared_case, runs = stopped(after_stop), 400
+    history, err = covariance(prepared_case), errors(prepared_case, runs)
+    at = [int(np.argmin(np.abs(prepared_case.t_hist - t))) for t in (8.0, 12.0, 16.0, 21.0, 25.0)]
     ratio = err[:, at].var(axis=0, ddof=1) / history.true_sigma[at, :9] ** 2
     tail = 1e-3 / 2 / ratio.size
     low, high = chi2.ppf([tail, 1.0 - tail], runs - 1) / (runs - 1)
     assert np.all((ratio > low) & (ratio < high)), ratio.round(2)
     for hist in at[2:]:
         variance = history.true_sigma[hist, :9] ** 2
-        contribution = adjoint(prepared, float(prepared.t_hist[hist])).contribution.sum(axis=(1, 2))
+        contribution = adjoint(prepared_case, float(prepared_case.t_hist[hist])).contribution.sum(axis=(1, 2))
         np.testing.assert_allclose(contribution, variance, rtol=1e-6)
 
 
@@ -196,8 +196,8 @@ def test_eight_error_states_are_propagated_as_one_is():
     ],
 )
 def test_a_run_is_the_same_alone_and_among_eight(coupling, faults):
-    prepared = flown(coupling, faults=[faults], **OPEN, logic=LOGIC)
-    eight, one = run_block(prepared, 3, 0, 8), run_block(prepared, 3, 5, 1, lanes=False)
+    prepared_case = flown(coupling, faults=[faults], **OPEN, logic=LOGIC)
+    eight, one = run_block(prepared_case, 3, 0, 8), run_block(prepared_case, 3, 5, 1, uses_lanes=False)
     np.testing.assert_allclose(one.err[0], eight.err[5], rtol=1e-7, atol=1e-9)
     np.testing.assert_array_equal(one.changes, eight.changes[eight.changes[:, 0] == 5])
     assert len(one.changes) >= 2
@@ -209,8 +209,8 @@ def test_a_run_is_the_same_alone_and_among_eight(coupling, faults):
 @lru_cache(maxsize=32)
 def story(*, fault=None, **changed):
     """Return the first run's changes as (t, after, reason), all runs having the same, and the block."""
-    prepared = flown(LOOSE, faults=[dict(fault)] if fault else [], **OPEN, logic={**LOGIC, **changed})
-    block = run_block(prepared, 3, 0, 16)
+    prepared_case = flown(LOOSE, faults=[dict(fault)] if fault else [], **OPEN, logic={**LOGIC, **changed})
+    block = run_block(prepared_case, 3, 0, 16)
     reported = [
         [(t, MODES[int(after)], REASONS[int(why)]) for run, t, _, after, why in block.changes if run == k]
         for k in range(16)
@@ -335,15 +335,15 @@ def test_started_from_the_receiver_a_bad_start_is_forgotten_at_once():
 def test_a_tight_filter_checks_ranges_and_bridges_a_loss():
     """Ranges of every satellite are checked: a wild one leaves the epoch's sample out; a loss is predicted through."""
     loss = fault("satellite_outage", duration=3)
-    prepared = flown(TIGHT, faults=[dict(loss)], **OPEN, logic=LOGIC)
-    block = run_block(prepared, 3, 0, 8)
+    prepared_case = flown(TIGHT, faults=[dict(loss)], **OPEN, logic=LOGIC)
+    block = run_block(prepared_case, 3, 0, 8)
     reported = [
         [(t, MODES[int(after)], REASONS[int(why)]) for run, t, _, after, why in block.changes if run == k]
         for k in range(8)
     ]
     assert reported == [[*NORMAL, (12.0, "predicting", "data lost"), (15.0, "aiding", "data again")]] * 8
     assert np.all(block.n_row[:, [0, 1, 11, 12, 13]] == 0)
-    np.testing.assert_array_equal(block.n_row[:, 4], 2 * prepared.signals.n_used[4])
+    np.testing.assert_array_equal(block.n_row[:, 4], 2 * prepared_case.signals.n_used[4])
     apart = run_block(flown(TIGHT, **OPEN, logic={**LOGIC, "wild_position": "3 m"}), 3, 0, 8)
     assert np.all(apart.n_row.sum(axis=1) < block.n_row.sum(axis=1))
 
@@ -353,14 +353,14 @@ def test_a_tight_filter_checks_ranges_and_bridges_a_loss():
 def test_of_late_measurements_open_and_closed_loop_make_the_same_and_one_run_is_a_lane(kind):
     """A delay of 0.3 s: the open loop compares with the error state of the time of validity, too."""
     small = {"tilt": "0.005 deg", "heading": "0.005 deg", "position": "1 m", "velocity": "0.01 m/s"}
-    late = {"delay_compensation": {"kind": kind}}
+    compensation = {"delay_compensation": {"kind": kind}}
     unit, latency = "base.imu=imu/navigation_matched", "base.receiver.latency=300 ms"
-    closed, opened = (flown(LOOSE, unit, latency, initial=small, **late, **loop) for loop in ({}, OPEN))
+    closed, opened = (flown(LOOSE, unit, latency, initial=small, **compensation, **loop) for loop in ({}, OPEN))
     sigma = covariance(closed).true_sigma[:, :9]
     one, other = run_block(closed, 3, 0, 8), run_block(opened, 3, 0, 8)
     assert np.max(np.abs(one.err - other.err)[:, :, :9] / sigma) < 2e-3
     assert np.abs(one.err[:, -1, :9] / sigma[-1]).max() > 0.5
-    alone = run_block(opened, 3, 5, 1, lanes=False)
+    alone = run_block(opened, 3, 5, 1, uses_lanes=False)
     assert np.max(np.abs(alone.err[0] - other.err[5]) / other.sigma[5]) < 1e-8
 
 

@@ -3,17 +3,19 @@ import pytest
 from pydantic import ValidationError
 from scipy.stats import chi2
 
-from lvnav_trade.filter.policies.policy_cards import IntegrityCard, thresholds_of
+from lvnav_trade.filter.policies.policy_cards import IntegrityCard, build_fault_tests
 
 
 def test_thresholds_are_those_of_chi_square_at_the_level_of_one_test():
-    found = thresholds_of(IntegrityCard(false_alarm=1e-2, isolation=1e-4, window=3), n_test=500, most=8, interval=0.5)
+    found = build_fault_tests(
+        IntegrityCard(false_alarm=1e-2, isolation=1e-4, window=3), n_test=500, max_satellite_count=8, interval=0.5
+    )
     # 500 rows, each alone and in its window
-    assert found.single == pytest.approx(chi2.isf(1e-5, 1), rel=1e-9)
-    assert found.windowed == pytest.approx(chi2.isf(1e-5, 3), rel=1e-9)
-    np.testing.assert_allclose(found.consistent[1:5], chi2.isf(1e-4, [1, 2, 3, 4]), rtol=1e-9)
-    assert np.isinf(found.consistent[0])
-    assert (found.shift, found.offset) == pytest.approx((chi2.isf(1e-4, 3), chi2.isf(1e-4, 1)), rel=1e-9)
+    assert found.single_limit == pytest.approx(chi2.isf(1e-5, 1), rel=1e-9)
+    assert found.window_limit == pytest.approx(chi2.isf(1e-5, 3), rel=1e-9)
+    np.testing.assert_allclose(found.residual_limits[1:5], chi2.isf(1e-4, [1, 2, 3, 4]), rtol=1e-9)
+    assert np.isinf(found.residual_limits[0])
+    assert (found.shift_limit, found.clock_limit) == pytest.approx((chi2.isf(1e-4, 3), chi2.isf(1e-4, 1)), rel=1e-9)
     assert (found.hold, found.interval) == (20.0, 0.5)
 
 

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from lvnav_trade.filter.ekf import place_antenna
 from lvnav_trade.filter.policies.linearise import fill_receiver_rows, propagate_estimate
-from lvnav_trade.filter.policies.unscented import factorise, hold_window, rotation_between
+from lvnav_trade.filter.policies.unscented import factorise, rotation_between, store_window_start
 from lvnav_trade.kernels import processes
 from lvnav_trade.kernels.mechanisation import mechanise
 from lvnav_trade.simulation.epoch.filter_case import OptionalState, case_of
@@ -43,28 +43,28 @@ def random_covariance(n, sigma):
     return P * np.outer(sigma, sigma) / np.sqrt(np.outer(np.diag(P), np.diag(P)))
 
 
-def windowed(prepared, P):
+def windowed(prepared_case, P):
     """Return the arrays at the start of the first window that has ticks, with its increments, and its number."""
-    work, parts = new_work(prepared, False)
-    w = int(np.flatnonzero(prepared.schedule.n_tick > 0)[0])
-    first, n_tick = prepared.schedule.first_tick[w], prepared.schedule.n_tick[w]
-    work.nav[:], work.P[:] = prepared.start.nav, P
-    work.increments[:n_tick, :3] = prepared.unit.dtheta[first : first + n_tick]
-    work.increments[:n_tick, 3:] = prepared.unit.dvel[first : first + n_tick]
-    return work, parts.sigma_points, w
+    work, optional_state = new_work(prepared_case, False)
+    w = int(np.flatnonzero(prepared_case.schedule.n_tick > 0)[0])
+    first, n_tick = prepared_case.schedule.first_tick[w], prepared_case.schedule.n_tick[w]
+    work.nav[:], work.P[:] = prepared_case.initial_state.nav, P
+    work.increments[:n_tick, :3] = prepared_case.unit.dtheta[first : first + n_tick]
+    work.increments[:n_tick, 3:] = prepared_case.unit.dvel[first : first + n_tick]
+    return work, optional_state.sigma_points, w
 
 
-def propagated(prepared, P):
-    """Return the arrays after the window: a filter's, as `flight.fly` calls it."""
-    work, sigma_points, w = windowed(prepared, P)
+def propagated(prepared_case, P):
+    """Return the arrays after the window: a filter's, as `flight_loop.fly` calls it."""
+    work, sigma_points, w = windowed(prepared_case, P)
     first, n_tick, unit, model = (
-        prepared.schedule.first_tick[w], prepared.schedule.n_tick[w], prepared.unit, prepared.model
+        prepared_case.schedule.first_tick[w], prepared_case.schedule.n_tick[w], prepared_case.unit, prepared_case.model
     )  # fmt: skip
-    hold_window(sigma_points, work, n_tick)
+    store_window_start(sigma_points, work, n_tick)
     processes.compensate(work.increments, n_tick, work.tables[0], work.tables[1], model.biases_only, unit.dt)
     mechanise(work.nav, work.sums, work.previous, work.increments, n_tick, unit.dt, model.strapdown, unit.dt * first)
     before = np.array(work.nav)
-    propagate_estimate(work, case_of(prepared), sigma_points, None, w)
+    propagate_estimate(work, case_of(prepared_case), sigma_points, None, w)
     return work, before
 
 
@@ -80,19 +80,19 @@ def apart(one, other):
     return np.concatenate([turn.as_rotvec(), one[4:7] - other[4:7], one[7:10] - other[7:10]])
 
 
-def dense(prepared, P):
+def dense(prepared_case, P):
     """Return covariance and mean error after the window by points over all states at once."""
-    model, unit, layout = prepared.model, prepared.unit, prepared.layout
+    model, unit, layout = prepared_case.model, prepared_case.unit, prepared_case.layout
     moving = [*range(9), *(b.offset + i for b in layout.parameters for i in range(3))]
     order = [*moving, *(i for i in range(layout.n_state) if i not in moving)]
-    length = prepared.schedule.length[windowed(prepared, P)[2]]
-    half = np.diag(0.5 * model.noise[length])
+    length_index = prepared_case.schedule.length_index[windowed(prepared_case, P)[2]]
+    half = np.diag(0.5 * model.noise[length_index])
     root = np.zeros_like(P)
     root[np.ix_(order, order)] = np.linalg.cholesky((P + half)[np.ix_(order, order)])
 
     def flight(x):
-        work, _, w = windowed(prepared, P)
-        first, n_tick = prepared.schedule.first_tick[w], prepared.schedule.n_tick[w]
+        work, _, w = windowed(prepared_case, P)
+        first, n_tick = prepared_case.schedule.first_tick[w], prepared_case.schedule.n_tick[w]
         work.nav[:] = moved(work.nav, x)
         for b, block in enumerate(layout.parameters):
             work.par[b] = x[block.offset : block.offset + 3]
@@ -103,9 +103,9 @@ def dense(prepared, P):
         return np.array(work.nav)
 
     def after(x):
-        rest = model.decay[length] * x
+        rest = model.decay[length_index] * x
         if model.clock >= 0:
-            rest[model.clock] += model.seconds[length] * x[model.clock + 1]
+            rest[model.clock] += model.seconds[length_index] * x[model.clock + 1]
         rest[:9] = apart(flight(x), centre)
         return rest
 
@@ -115,9 +115,9 @@ def dense(prepared, P):
     return found.T @ found / 6.0 + half, found.sum(axis=0) / 6.0
 
 
-def spread(prepared, **blocks):
+def spread(prepared_case, **blocks):
     """Return one-sigmas of the states: of those named as given, of the others as the filter starts."""
-    sigma = np.sqrt(np.diag(prepared.start.P))
+    sigma = np.sqrt(np.diag(prepared_case.initial_state.P))
     sigma[sigma == 0.0] = 1e-3
     for name, value in blocks.items():
         sigma[{"attitude": slice(0, 3), "velocity": slice(3, 6), "position": slice(6, 9)}[name]] = value
@@ -128,14 +128,14 @@ def spread(prepared, **blocks):
 
 
 def test_the_factor_has_every_state_and_one_that_others_fix_has_none():
-    prepared = flown(SCALE)
-    n = prepared.layout.n_state
-    P = random_covariance(n, spread(prepared))
+    prepared_case = flown(SCALE)
+    n = prepared_case.layout.n_state
+    P = random_covariance(n, spread(prepared_case))
     P[8], P[:, 8] = 2.0 * P[3], 2.0 * P[:, 3]  # a position that is known by a velocity
     P[8, 8] = 4.0 * P[3, 3]
-    root = np.zeros((n, 9 + 3 * len(prepared.layout.parameters)))
-    factorise(root, P, prepared.model, root.shape[1])
-    moving = [*range(9), *(b.offset + i for b in prepared.layout.parameters for i in range(3))]
+    root = np.zeros((n, 9 + 3 * len(prepared_case.layout.parameters)))
+    factorise(root, P, prepared_case.model, root.shape[1])
+    moving = [*range(9), *(b.offset + i for b in prepared_case.layout.parameters for i in range(3))]
     scale = np.sqrt(np.diag(P))
     np.testing.assert_allclose(
         (root @ root[moving].T / scale[:, None]) / scale[moving],
@@ -157,10 +157,10 @@ def test_a_rotation_between_attitudes_is_that_of_scipy(degrees):
 
 
 def test_a_window_is_that_of_a_dense_filter_with_points_over_all_states():
-    prepared = flown(SCALE)
-    P = random_covariance(prepared.layout.n_state, spread(prepared, attitude=WIDE, position=300.0))
-    work, before = propagated(prepared, P)
-    wanted, mean = dense(prepared, P)
+    prepared_case = flown(SCALE)
+    P = random_covariance(prepared_case.layout.n_state, spread(prepared_case, attitude=WIDE, position=300.0))
+    work, before = propagated(prepared_case, P)
+    wanted, mean = dense(prepared_case, P)
     scale = np.sqrt(np.diag(wanted))
     np.testing.assert_allclose(work.P / np.outer(scale, scale), wanted / np.outer(scale, scale), rtol=0, atol=1e-6)
     np.testing.assert_allclose(apart(work.nav, before) / scale[:9], mean[:9] / scale[:9], rtol=0, atol=1e-6)
@@ -172,9 +172,9 @@ def test_a_window_is_that_of_a_dense_filter_with_points_over_all_states():
 
 def test_with_an_attitude_that_is_hardly_known_the_mean_of_the_velocity_gained_is_the_closed_forms():
     """Of a rotation vector of equal sigma on each axis E[C] is a multiple of the identity."""
-    prepared = flown(LOOSE)
-    P = np.diag(spread(prepared, attitude=WIDE) ** 2)
-    work, before = propagated(prepared, P)
+    prepared_case = flown(LOOSE)
+    P = np.diag(spread(prepared_case, attitude=WIDE) ** 2)
+    work, before = propagated(prepared_case, P)
     gained = np.array(work.sums[9:12])
     found = apart(work.nav, before)[3:6]
     np.testing.assert_allclose(found, (MEAN - 1.0) * gained, rtol=0, atol=0.03 * (1.0 - MEAN) * np.linalg.norm(gained))
@@ -186,15 +186,15 @@ def test_with_an_attitude_that_is_hardly_known_the_mean_of_the_velocity_gained_i
 
 
 def test_a_lever_arm_that_hardly_has_a_direction_shortens_by_the_closed_form():
-    prepared, epoch = flown(LOOSE, ARM), 3
-    model, dt = prepared.model, prepared.unit.dt
-    P = np.diag(spread(prepared, attitude=WIDE) ** 2)
-    work, sigma_points, _ = windowed(prepared, P)
+    prepared_case, epoch = flown(LOOSE, ARM), 3
+    model, dt = prepared_case.model, prepared_case.unit.dt
+    P = np.diag(spread(prepared_case, attitude=WIDE) ** 2)
+    work, sigma_points, _ = windowed(prepared_case, P)
     place_antenna(work, None, None, model, dt, epoch)
     arm = np.array(work.antenna[0, 6:9])
     work.solution[:] = np.concatenate([work.antenna[0, :3], work.antenna[0, 3:6]])
     nav = np.array(work.nav)
-    fill_receiver_rows(work, OptionalState(), case_of(prepared), sigma_points, None, epoch)
+    fill_receiver_rows(work, OptionalState(), case_of(prepared_case), sigma_points, None, epoch)
     np.testing.assert_array_equal(work.nav, nav)
     np.testing.assert_allclose(work.z[:3], (1.0 - MEAN) * arm, rtol=0, atol=0.03 * (1.0 - MEAN) * 5.0)
     reach = math.sqrt(3.0) * WIDE
@@ -204,7 +204,9 @@ def test_a_lever_arm_that_hardly_has_a_direction_shortens_by_the_closed_form():
     assert abs(math.sin(reach) / reach - SLOPE) < 0.5 * (1.0 - SLOPE)  # nearer to the regression than the tangent
     # along each axis the arm shortens by 1 - cos: sum over the axes of a third of its square
     shortened = (1.0 - math.cos(reach)) * np.array([[0.0, x, x], [y, 0.0, y], [z, z, 0.0]])
-    np.testing.assert_allclose(sigma_points.spread[:3], np.sum(shortened**2, axis=1) / 3.0, rtol=1e-5, atol=1e-9)
+    np.testing.assert_allclose(
+        sigma_points.residual_variance[:3], np.sum(shortened**2, axis=1) / 3.0, rtol=1e-5, atol=1e-9
+    )
 
 
 # ------------------------------------------------------------------------------------------------------------ flights
@@ -218,8 +220,8 @@ def test_for_small_errors_it_is_the_extended_filter():
 
 @pytest.mark.slow  # the kernel of one run by itself
 def test_a_run_is_the_same_alone_and_among_eight():
-    prepared = flown()
-    one, eight = run_block(prepared, SEED, 0, 2, lanes=False), run_block(prepared, SEED, 0, 2)
+    prepared_case = flown()
+    one, eight = run_block(prepared_case, SEED, 0, 2, uses_lanes=False), run_block(prepared_case, SEED, 0, 2)
     np.testing.assert_allclose(one.err / eight.sigma, eight.err / eight.sigma, rtol=0, atol=1e-6)
 
 

@@ -72,10 +72,10 @@ def propagate(
         C, mean = A @ C @ A.T + noise, A @ mean
         mean[receiver] += pushes[k]
         U = np.eye(len(C))
-        U[receiver, receiver], U[receiver, c] = gains.keep, -gains.gain @ partials[k]
+        U[receiver, receiver], U[receiver, c] = gains.update_matrix, -gains.gain @ partials[k]
         C, mean = U @ C @ U.T, U @ mean
         C[receiver, receiver] += (gains.gain * variances[k]) @ gains.gain.T
-        reported = reported_covariance(model.reported, gains.P)
+        reported = reported_covariance(model.reported_covariance, gains.P)
         gain = np.linalg.solve(outer.rows @ formal @ outer.rows.T + reported, outer.rows @ formal).T
         keep = np.eye(n) - gain @ outer.rows
         U = np.eye(len(C))

@@ -11,7 +11,7 @@ from lvnav_trade.filter.receivers.ekf_gnss import step
 from lvnav_trade.filter.receivers.receiver import new_receiver, switch_on
 from lvnav_trade.kernels.earth import GM, OMEGA
 from lvnav_trade.kernels.jit import jit
-from lvnav_trade.kernels.lanes import like, sqrt, view
+from lvnav_trade.kernels.lanes import number_like, sqrt, view
 from lvnav_trade.kernels.vector import WIDTH
 
 RADIUS, ORBIT = 6.378e6, 26.56e6
@@ -126,7 +126,7 @@ def fly_filter(receiver, model, point, satellite, moving, used, n_used, ranges, 
 def switch_on_lanes(receiver, place):
     """`switch_on` of eight runs at one place."""
     at = view(receiver)
-    zero = like(at.nav[0], 0.0)
+    zero = number_like(at.nav[0], 0.0)
     switch_on(at, zero + place[0], zero + place[1], zero + place[2])
 
 

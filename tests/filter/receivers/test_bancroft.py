@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from lvnav_trade.filter.receivers.bancroft import fix, measured, solution
+from lvnav_trade.filter.receivers.bancroft import fix, slot_measurement, solution
 from lvnav_trade.filter.receivers.receiver import (
     CONSISTENT,
     FIX_BIAS,
@@ -38,7 +38,7 @@ ANSWER, ANSWER_BIAS = np.array([-3721817.095, 3545589.644, 3763571.160]), 128.05
 
 def solve(model, satellite, moving, ranges, near=(0.0, 0.0, 0.0), slots=None):
     receiver = new_receiver()
-    receiver.near[:] = near
+    receiver.position_guess[:] = near
     slots = np.arange(len(satellite)) if slots is None else np.array(slots)
     quality = fix(receiver, model, satellite, moving, slots, len(slots), ranges)
     return receiver, quality
@@ -151,7 +151,7 @@ def test_the_covariance_is_that_of_the_errors_of_many_runs(model, n_sat, excess)
     n_run = 8000
     error, _ = spread(model, at, n_run)
     receiver = new_receiver()
-    receiver.near[:] = at.r_i[0]
+    receiver.position_guess[:] = at.r_i[0]
     solution(receiver, model, at.satellite[0], at.moving[0], at.used[0], n_sat, true_ranges(at)[0])
     # brought to the covariance's own axes every component has variance one: 4.5 sigma of n_run draws
     root = np.linalg.inv(np.linalg.cholesky(receiver.covariance))
@@ -184,12 +184,12 @@ def test_good_measurements_are_called_inconsistent_as_often_as_said_and_a_wild_o
 def test_fewer_than_four_satellites_give_no_fix(n_used):
     at = scene(np.zeros(1), standing, n_sat=5)
     receiver = new_receiver()
-    receiver.near[:] = at.r_i[0]
+    receiver.position_guess[:] = at.r_i[0]
     z = true_ranges(at)[0]
     assert solution(receiver, MODEL, at.satellite[0], at.moving[0], at.used[0], n_used, z) == NO_FIX
     assert np.all(np.isnan(receiver.solution))
     np.testing.assert_array_equal(receiver.fix, 0.0)
-    np.testing.assert_array_equal(receiver.near, at.r_i[0])
+    np.testing.assert_array_equal(receiver.position_guess, at.r_i[0])
     assert list(receiver.verdict) == [NO_FIX, n_used]
 
 
@@ -213,7 +213,7 @@ def test_a_slot_without_a_range_or_a_rate_is_left_out():
     assert quality == other
     assert list(with_gaps.verdict) == [quality, 6]
     np.testing.assert_array_equal(with_gaps.fix, without.fix)
-    assert measured(z, 2) == (0.0, 0.0, 0.0)
+    assert slot_measurement(z, 2) == (0.0, 0.0, 0.0)
 
 
 @jit
@@ -228,14 +228,14 @@ def test_eight_runs_with_different_satellites_missing_are_to_the_bit_those_of_ea
     for run in range(1, WIDTH):
         z[rng.permutation(8)[: run - 1], rng.integers(2), run] = np.nan
     together, out = new_receiver(WIDTH), np.empty((1, WIDTH))
-    together.near[:] = at.r_i[0][:, None]
+    together.position_guess[:] = at.r_i[0][:, None]
     solve_lanes(together, MODEL, at.satellite[0], at.moving[0], at.used[0], np.ascontiguousarray(z), out)
     assert list(out[0]) == [CONSISTENT] * 5 + [UNTESTED, NO_FIX, NO_FIX]
     for run in range(WIDTH):
         alone = new_receiver()
-        alone.near[:] = at.r_i[0]
+        alone.position_guess[:] = at.r_i[0]
         solution(alone, MODEL, at.satellite[0], at.moving[0], at.used[0], 8, np.ascontiguousarray(z[..., run]))
-        for name in ("fix", "inverse", "solution", "covariance", "near", "verdict"):
+        for name in ("fix", "inverse", "solution", "covariance", "position_guess", "verdict"):
             np.testing.assert_array_equal(getattr(together, name)[..., run], getattr(alone, name))
 
 
@@ -244,7 +244,7 @@ def test_what_is_reported_is_the_covariance_a_multiple_its_diagonal_or_a_constan
 
     def reported(kind):
         receiver = new_receiver()
-        receiver.near[:] = at.r_i[0]
+        receiver.position_guess[:] = at.r_i[0]
         solution(
             receiver, point_model(kind, 2.0, 0.1), at.satellite[0], at.moving[0], at.used[0], 6, true_ranges(at)[0]
         )
@@ -255,7 +255,7 @@ def test_what_is_reported_is_the_covariance_a_multiple_its_diagonal_or_a_constan
     np.testing.assert_allclose(own.covariance[3:, 3:], 0.01 * own.inverse[:3, :3], rtol=1e-15)
     np.testing.assert_allclose(reported(ReportedCovariance(factor=10.0)).covariance, 10.0 * own.covariance, rtol=1e-15)
     np.testing.assert_array_equal(
-        reported(ReportedCovariance(correlated=False)).covariance, np.diag(np.diag(own.covariance))
+        reported(ReportedCovariance(has_correlations=False)).covariance, np.diag(np.diag(own.covariance))
     )  # fmt: skip
     constant = reported(ReportedCovariance(False, False, 1.0, 9.0, 0.04)).covariance
     np.testing.assert_allclose(constant, np.diag([9.0] * 3 + [0.04] * 3), rtol=1e-15)
@@ -267,8 +267,8 @@ def test_a_solution_of_too_little_quality_is_not_handed_out():
     z[1, 0] += 500.0
     for least, handed_out in ((1, True), (2, False), (3, False)):
         receiver, near = new_receiver(), at.r_i[0]
-        receiver.near[:] = near
+        receiver.position_guess[:] = near
         model = point_model(OWN, 2.0, 0.1, least_quality=least)
         assert solution(receiver, model, at.satellite[0], at.moving[0], at.used[0], 6, z) == INCONSISTENT
         assert np.all(np.isfinite(receiver.solution)) == handed_out
-        assert np.array_equal(receiver.near, near) != handed_out
+        assert np.array_equal(receiver.position_guess, near) != handed_out

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from lvnav_trade.filter.receivers.ekf_gnss import adapted, propagate, step
-from lvnav_trade.filter.receivers.error_propagation import SOLUTION, design
+from lvnav_trade.filter.receivers.ekf_gnss import adapted_variances, propagate, step
+from lvnav_trade.filter.receivers.error_propagation import SOLUTION, design_matrix
 from lvnav_trade.filter.receivers.receiver import (
     FULL,
     N_STATE,
@@ -117,7 +117,7 @@ def test_an_acceleration_that_decays_is_integrated_exactly():
 )
 def test_noise_is_adapted_as_eq_4_25_to_4_28_say(model, acceleration, expected):
     """Worked by hand from alpha_Q = 0.01 1/s^2, alpha_rho = 1 m s^2, alpha_rate = 0.01 m."""
-    assert adapted(*acceleration, model) == pytest.approx(expected, rel=1e-7)
+    assert adapted_variances(*acceleration, model) == pytest.approx(expected, rel=1e-7)
 
 
 def run_alone(at, z, model, near=None, n=None):
@@ -138,7 +138,7 @@ def test_an_epoch_is_the_kalman_update_of_dense_matrices(model):
     accelerations = (0.0, 0.0, 0.0) if model is SECOND else dense.memory[7:10]
     if model is THIRD:  # the noise of the epoch follows from the fix of that epoch
         accelerations = run_alone(at, z, model).memory[7:10]
-    x, y, w, range_variance, rate_variance = adapted(*accelerations, model)
+    x, y, w, range_variance, rate_variance = adapted_variances(*accelerations, model)
     propagate(dense, model, x, y, w)
 
     def predicted(nav):
@@ -151,7 +151,7 @@ def test_an_epoch_is_the_kalman_update_of_dense_matrices(model):
         (predicted(dense.nav + h) - predicted(dense.nav - h)) / (2.0 * h.max()) for h in np.diag(steps)
     ]).T  # fmt: skip
     np.testing.assert_allclose(
-        H, design(dense.nav[6:9], dense.nav[3:6], at.satellite[20], at.moving[20]), rtol=0, atol=1e-8
+        H, design_matrix(dense.nav[6:9], dense.nav[3:6], at.satellite[20], at.moving[20]), rtol=0, atol=1e-8
     )
     R = np.diag(np.tile([range_variance, rate_variance], 8))
     K = np.linalg.solve(H @ dense.P @ H.T + R, H @ dense.P).T
@@ -160,7 +160,7 @@ def test_an_epoch_is_the_kalman_update_of_dense_matrices(model):
     step(receiver, model, POINT, at.satellite[20], at.moving[20], at.used[20], 8, z[20])
     np.testing.assert_allclose(receiver.nav, nav, rtol=0, atol=2e-6)
     np.testing.assert_allclose(receiver.P, P, rtol=0, atol=1e-6)
-    assert list(receiver.used) == [FULL, 16.0]
+    assert list(receiver.filter_verdict) == [FULL, 16.0]
     np.testing.assert_array_equal(receiver.solution, receiver.nav[SOLUTION])
     np.testing.assert_array_equal(receiver.covariance, receiver.P[np.ix_(SOLUTION, SOLUTION)])
 
@@ -201,7 +201,7 @@ def test_eight_runs_that_miss_different_satellites_are_to_the_bit_those_of_each_
     assert set(np.unique(quality)) == {NO_FIX, PROPAGATED, PARTIAL, FULL}
     for run in range(WIDTH):
         alone = run_alone(at, np.ascontiguousarray(z[..., run]), GATED, near=places[:, run])
-        for name in ("nav", "P", "solution", "covariance", "memory", "used"):
+        for name in ("nav", "P", "solution", "covariance", "memory", "filter_verdict"):
             np.testing.assert_array_equal(getattr(together, name)[..., run], getattr(alone, name))
 
 
@@ -354,7 +354,7 @@ def test_a_wild_range_is_rejected_by_a_limit_in_metres_and_by_a_gate_in_sigma(fi
     for model, moved in ((SECOND, True), (watchful, False)):
         receiver = run_alone(at, wild, model)
         assert (np.abs(receiver.nav[6:9] - good.nav[6:9]).max() > 50.0) == moved
-        assert receiver.used[1] == (16.0 if moved else 15.0)
+        assert receiver.filter_verdict[1] == (16.0 if moved else 15.0)
 
 
 def test_a_filter_that_rejects_most_of_what_it_is_given_starts_again_from_the_fix():
@@ -366,7 +366,7 @@ def test_a_filter_that_rejects_most_of_what_it_is_given_starts_again_from_the_fi
     again = run_alone(at, z, SECOND._replace(range_limit=500.0, rate_limit=10.0, restart=3.0))
     assert abs(stuck.nav[9]) < 5e4
     assert again.nav[9] > 1.5e5
-    assert again.used[1] == 16.0
+    assert again.filter_verdict[1] == 16.0
     assert np.abs(again.solution[:3] - at.r_i[-1]).max() < 30.0
 
 
@@ -382,9 +382,13 @@ def test_a_constant_covariance_or_a_multiple_goes_out_in_place_of_the_filters_ow
     at, rng = scene(np.arange(0.0, 10.0), standing), np.random.default_rng(20)
     z = measure(at, clocks(rng, 10, 1, 1.0), rng)[..., 0]
     own = run_alone(at, z, SECOND)
-    scaled = run_alone(at, z, SECOND._replace(reported=ReportedCovariance(factor=10.0)))
-    plain = run_alone(at, z, SECOND._replace(reported=ReportedCovariance(factor=10.0, correlated=False)))
-    constant = run_alone(at, z, SECOND._replace(reported=ReportedCovariance(False, False, 1.0, 2.2**2, 0.11**2)))
+    scaled = run_alone(at, z, SECOND._replace(reported_covariance=ReportedCovariance(factor=10.0)))
+    plain = run_alone(
+        at, z, SECOND._replace(reported_covariance=ReportedCovariance(factor=10.0, has_correlations=False))
+    )
+    constant = run_alone(
+        at, z, SECOND._replace(reported_covariance=ReportedCovariance(False, False, 1.0, 2.2**2, 0.11**2))
+    )
     np.testing.assert_allclose(scaled.covariance, 10.0 * own.covariance, rtol=1e-15)
     np.testing.assert_allclose(plain.covariance, np.diag(10.0 * np.diag(own.covariance)), rtol=1e-15)
     np.testing.assert_allclose(constant.covariance, np.diag([4.84] * 3 + [0.0121] * 3), rtol=1e-14)

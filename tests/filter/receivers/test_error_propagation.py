@@ -9,14 +9,14 @@ from lvnav_trade.filter.receivers.bancroft import fix
 from lvnav_trade.filter.receivers.ekf_gnss import step
 from lvnav_trade.filter.receivers.error_propagation import (
     SOLUTION,
-    design,
-    filtered,
+    design_matrix,
+    filter_epoch,
+    filter_start,
     mismatch,
-    noises,
+    noise_covariances,
     nominal_acceleration,
     point_gain,
     reported_covariance,
-    started,
 )
 from lvnav_trade.filter.receivers.receiver import (
     FilterSettings,
@@ -48,8 +48,8 @@ def gains_of(at, settings):
     found, slope = [], nominal_acceleration(at.v_i, at.n_used >= 4, 1.0)
     for k in range(len(at.t)):
         use = at.used[k, : at.n_used[k]]
-        rows = design(at.r_i[k], at.v_i[k], at.satellite[k, use], at.moving[k, use])
-        found.append(filtered(found[-1].P, settings, rows, slope[k]) if k else started(settings, POINT, rows))
+        rows = design_matrix(at.r_i[k], at.v_i[k], at.satellite[k, use], at.moving[k, use])
+        found.append(filter_epoch(found[-1].P, settings, rows, slope[k]) if k else filter_start(settings, POINT, rows))
     return found
 
 
@@ -66,14 +66,14 @@ def test_the_gain_of_the_point_solution_is_its_derivative():
     z, receiver = true_ranges(at)[0], new_receiver()
 
     def solve(change):
-        receiver.near[:] = at.r_i[0]
+        receiver.position_guess[:] = at.r_i[0]
         fix(receiver, POINT, at.satellite[0], at.moving[0], at.used[0], 6, z + change.reshape(6, 2))
         return receiver.fix.copy()
 
     # ranges by metres, rates by decimetres a second: position is rounded to 1e-9 m
     steps = np.diag(np.tile([1.0, 0.1], 6))
     derivative = np.array([(solve(h) - solve(-h)) / (2.0 * h.max()) for h in steps]).T
-    gain = point_gain(design(at.r_i[0], at.v_i[0], at.satellite[0], at.moving[0]))
+    gain = point_gain(design_matrix(at.r_i[0], at.v_i[0], at.satellite[0], at.moving[0]))
     np.testing.assert_allclose(gain, derivative, rtol=0, atol=2e-7)
     assert np.abs(gain[3:6, 0::2]).max() > 1e-5  # a wrong position turns the lines of sight of the rates
 
@@ -90,7 +90,7 @@ def test_gains_and_covariance_are_those_of_the_compiled_filter(settings):
         receiver.P / np.outer(scale, scale), gains[-1].P / np.outer(scale, scale), rtol=0, atol=1e-5
     )
     np.testing.assert_allclose(
-        reported_covariance(settings.reported, gains[-1].P), receiver.covariance, rtol=0, atol=1e-4
+        reported_covariance(settings.reported_covariance, gains[-1].P), receiver.covariance, rtol=0, atol=1e-4
     )
     if settings.drive_gain == 0.0:  # else the fix moves the noise as well
         for slot, column, size in ((0, 0, 5.0), (3, 1, 0.5)):
@@ -111,7 +111,7 @@ def test_the_nominal_acceleration_stands_while_there_is_no_fix_and_then_spans_th
 
 def test_adapted_noise_is_evaluated_on_the_nominal_acceleration():
     settings = model(**ADAPTED)
-    noise, variance = noises(settings, np.array([30.0, 0.0, 0.0]), 4)
+    noise, variance = noise_covariances(settings, np.array([30.0, 0.0, 0.0]), 4)
     assert np.diag(noise)[:3] == pytest.approx([9.0, 0.25, 0.25])
     assert variance == pytest.approx([30.0, 0.3, 30.0, 0.3])
 
@@ -166,7 +166,7 @@ def runs(at, settings, n_run=N_RUN):
         if k:
             e = filter_.phi @ e + drive @ rng.standard_normal((6, n_run))
             P = filter_.phi @ P @ filter_.phi.T + filter_.assumed
-        reported = reported_covariance(settings.reported, gains[k].P)
+        reported = reported_covariance(settings.reported_covariance, gains[k].P)
         gain = P @ np.linalg.inv(P + reported)
         e = e - gain @ (e - solution[k])
         P = P - gain @ P
@@ -209,8 +209,8 @@ def test_adaptation_by_noisy_fixes_changes_little_of_what_the_nominal_accelerati
 def test_with_a_white_solution_the_shortcut_is_exact():
     """A receiver that keeps nothing of the epoch before, and ranges without shared errors."""
     at, settings = scene(np.arange(0.0, 20.0), standing), model()
-    rows = [design(at.r_i[k], at.v_i[k], at.satellite[k], at.moving[k]) for k in range(20)]
-    epochs = [started(settings, POINT, row) for row in rows]
+    rows = [design_matrix(at.r_i[k], at.v_i[k], at.satellite[k], at.moving[k]) for k in range(20)]
+    epochs = [filter_start(settings, POINT, row) for row in rows]
     nothing = np.zeros((0, 0))
     history = propagate(
         epochs, np.zeros((20, 11)), np.zeros((2, 2)), [np.tile([4.0, 0.01], 8)] * 20, settings, outer(), START, nothing,

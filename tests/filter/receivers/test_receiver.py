@@ -17,14 +17,14 @@ from lvnav_trade.filter.receivers.receiver import (
     transition,
 )
 from lvnav_trade.kernels.jit import jit
-from lvnav_trade.kernels.lanes import like, view
+from lvnav_trade.kernels.lanes import number_like, view
 from lvnav_trade.kernels.vector import WIDTH
 
 OWN = ReportedCovariance()
 
 
 def test_limits_of_residuals_grow_with_two_degrees_of_freedom_a_satellite():
-    limits = point_model(OWN, 2.0, 0.1, false_alarm=0.01, most=10).limits
+    limits = point_model(OWN, 2.0, 0.1, false_alarm=0.01, max_satellite_count=10).limits
     assert np.all(np.isinf(limits[:5]))  # four satellites leave nothing to test
     # upper 1 % points of chi-square as printed in tables
     assert limits[5:8] == pytest.approx([9.210, 13.277, 16.812], abs=6e-4)
@@ -64,7 +64,7 @@ def test_a_slowly_fading_acceleration_is_a_random_walk_in_the_limit():
 @jit
 def switch_on_lanes(receiver):
     at = view(receiver)
-    place = like(at.nav[0], 6.4e6)
+    place = number_like(at.nav[0], 6.4e6)
     switch_on(at, place, 0.5 * place, 0.0 * place)
 
 
@@ -75,10 +75,10 @@ def test_a_receiver_that_is_switched_on_has_forgotten_everything_in_every_run():
             array[:] = 7.0
     switch_on(one, 6.4e6, 3.2e6, 0.0)
     switch_on_lanes(eight)
-    for name in ("near", "nav", "P", "memory"):
+    for name in ("position_guess", "nav", "P", "memory"):
         alone = getattr(one, name)
         np.testing.assert_array_equal(getattr(eight, name), np.repeat(alone[..., None], WIDTH, axis=-1))
-    assert list(one.near) == [6.4e6, 3.2e6, 0.0]
+    assert list(one.position_guess) == [6.4e6, 3.2e6, 0.0]
     assert one.memory[SINCE] == -1.0
     assert not np.any(one.P)
     assert all(array.shape[:-1] == getattr(one, name).shape for name, array in eight._asdict().items())

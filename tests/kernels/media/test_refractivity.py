@@ -13,7 +13,7 @@ from lvnav_trade.kernels.media.refractivity import (
     exponential_refractivity,
     lowest_height,
     ray,
-    sampled,
+    sample_atmosphere,
     standard_refractivity,
 )
 from lvnav_trade.kernels.media.troposphere import niell
@@ -24,12 +24,12 @@ FAR = 26.56e6
 
 @pytest.fixture(scope="module")
 def exponential():
-    return sampled(exponential_refractivity)
+    return sample_atmosphere(exponential_refractivity)
 
 
 @pytest.fixture(scope="module")
 def standard():
-    return sampled(standard_refractivity)
+    return sample_atmosphere(standard_refractivity)
 
 
 def integrated(height, apparent):
@@ -70,13 +70,13 @@ def test_rays_are_those_of_the_ray_equation(exponential, height, apparent, recor
     elevation, delay = integrated(height, np.radians(apparent))
     ours = ray(exponential, height, elevation, FAR)
     assert ours.delay == pytest.approx(delay, abs=2e-4, rel=2e-5)
-    assert ours.apparent == pytest.approx(np.radians(apparent), abs=1e-8)
+    assert ours.apparent_elevation == pytest.approx(np.radians(apparent), abs=1e-8)
     record_property(f"ray from {height / 1e3:.0f} km at {apparent} deg, difference in mm", 1e3 * (ours.delay - delay))
 
 
 @pytest.mark.parametrize("refractivity", [standard_refractivity, bean_thayer_refractivity, exponential_refractivity])
 def test_the_zenith_delay_is_the_integral_of_refractivity(refractivity):
-    profile = sampled(refractivity)
+    profile = sample_atmosphere(refractivity)
     for height in (0.0, 1.5e3, 11e3, 40e3):
         z = np.linspace(height, 130e3, 100_001)
         smoothed = np.exp(np.interp(z, profile.height, profile.log_n))
@@ -94,11 +94,13 @@ def test_the_standard_profile_has_the_published_zenith_delay(standard):
 
 
 def test_the_atmosphere_of_signal_simulators_has_the_zenith_delay_of_spilker():
-    assert ray(sampled(bean_thayer_refractivity), 0.0, np.pi / 2, FAR).delay == pytest.approx(2.4405, rel=0.02)
+    assert ray(sample_atmosphere(bean_thayer_refractivity), 0.0, np.pi / 2, FAR).delay == pytest.approx(
+        2.4405, rel=0.02
+    )
 
 
 def test_dry_air_maps_as_niell_does(record_property):
-    dry = sampled(lambda height: standard_refractivity(height, wet=0.0))
+    dry = sample_atmosphere(lambda height: standard_refractivity(height, wet=0.0))
     zenith = ray(dry, 0.0, np.pi / 2, FAR).delay
     for degrees, within in ((5.0, 0.01), (10.0, 0.003), (20.0, 0.001), (45.0, 0.0005)):
         elevation = np.radians(degrees)
@@ -110,7 +112,7 @@ def test_dry_air_maps_as_niell_does(record_property):
 
 def test_refraction_at_the_horizon_is_that_of_radio_handbooks(exponential):
     # Some 0.6 degrees at radio wavelengths, for a surface refractivity of 315 (Bean and Dutton, table 3.1: 0.7).
-    apparent = ray(exponential, 0.0, 0.0, FAR).apparent
+    apparent = ray(exponential, 0.0, 0.0, FAR).apparent_elevation
     assert np.degrees(apparent) == pytest.approx(0.58, abs=0.05)
 
 
@@ -141,9 +143,9 @@ def test_a_satellite_farther_away_changes_little(standard):
 
 def test_air_that_traps_rays_is_refused():
     with pytest.raises(ValueError, match="trapped"):
-        sampled(lambda height: 315.0 * np.exp(-height / 1500.0))
+        sample_atmosphere(lambda height: 315.0 * np.exp(-height / 1500.0))
     with pytest.raises(ValueError, match="trapped"):
-        sampled(lambda height: 315.0 * np.exp(height / 7350.0))
+        sample_atmosphere(lambda height: 315.0 * np.exp(height / 7350.0))
 
 
 def test_refractivity_of_the_published_atmospheres():

@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 import pytest
 
-from lvnav_trade.kernels.media.refractivity import EARTH_RADIUS, exponential_refractivity, ray, sampled
+from lvnav_trade.kernels.media.refractivity import EARTH_RADIUS, exponential_refractivity, ray, sample_atmosphere
 from lvnav_trade.kernels.media.sight import along_line
 
 N, H = 315e-6, 7350.0
@@ -30,12 +30,12 @@ STEPS = [(3.0, 0.06), (5.0, 0.03), (10.0, 0.01), (30.0, 0.003), (80.0, 0.003)]
 
 @pytest.mark.parametrize(("degrees", "tolerance"), STEPS)
 def test_lines_to_far_beyond_the_air_meet_traced_rays(degrees, tolerance):
-    profile, e, far = sampled(partial(exponential_refractivity)), np.radians(degrees), EARTH_RADIUS + 20e6
+    profile, e, far = sample_atmosphere(partial(exponential_refractivity)), np.radians(degrees), EARTH_RADIUS + 20e6
     traced = ray(profile, 0.0, e, far)
     rise = EARTH_RADIUS * np.sin(e)
     found = along_line(exponential_refractivity, 0.0, e, np.sqrt(far**2 - EARTH_RADIUS**2 + rise**2) - rise)
     assert found.excess == pytest.approx(float(traced.delay), rel=tolerance)
-    assert found.bending == pytest.approx(float(traced.apparent) - e, rel=tolerance)
+    assert found.bending == pytest.approx(float(traced.apparent_elevation) - e, rel=tolerance)
 
 
 def test_above_the_air_there_is_none_and_shapes_broadcast():

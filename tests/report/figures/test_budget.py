@@ -7,14 +7,14 @@ import pandas as pd
 import pytest
 
 from lvnav_trade.report.figures import PLOTS
-from lvnav_trade.report.figures.raster import drawn
+from lvnav_trade.report.figures.raster import matplotlib_figure
 
 CASE = "aaaaaaaaaaaa"
 
 
 def test_the_top_of_the_pile_is_the_true_variance(good):
     """The layers are areas between cumulated variances; the uppermost edge is their sum."""
-    axes = drawn(PLOTS["budget"](good, CASE, "velocity")).axes[0]
+    axes = matplotlib_figure(PLOTS["budget"](good, CASE, "velocity")).axes[0]
     history = good.history
     rows = history[(history.case == CASE) & (history.quantity == "velocity") & (history.axis == "3d")]
     top = max(float(layer.get_paths()[0].vertices[:, 1].max()) for layer in axes.collections[:2])
@@ -22,21 +22,21 @@ def test_the_top_of_the_pile_is_the_true_variance(good):
 
 
 def test_the_line_is_the_filters_own_variance(good):
-    axes = drawn(PLOTS["budget"](good, CASE, "attitude")).axes[0]
+    axes = matplotlib_figure(PLOTS["budget"](good, CASE, "attitude")).axes[0]
     history = good.history
     rows = history[(history.case == CASE) & (history.quantity == "attitude") & (history.axis == "3d")]
     np.testing.assert_allclose(axes.get_lines()[0].get_ydata(), (rows.lincov_formal_si * 1e3) ** 2, rtol=1e-12)
 
 
 def test_the_axis_of_variances_is_labelled_with_sigmas(good):
-    axes = drawn(PLOTS["budget"](good, CASE, "position")).axes[0]
+    axes = matplotlib_figure(PLOTS["budget"](good, CASE, "position")).axes[0]
     ticks = axes.get_yticks()
     labels = [float(axes.yaxis.get_major_formatter()(tick, 0)) for tick in ticks]
     np.testing.assert_allclose(np.square(labels), ticks, rtol=1e-6, atol=1e-12)
 
 
 def test_the_map_has_the_largest_source_on_top_and_its_sum_beside_it(good):
-    figure = drawn(PLOTS["heatmap"](good, CASE, "velocity"))
+    figure = matplotlib_figure(PLOTS["heatmap"](good, CASE, "velocity"))
     start, axes = figure.axes[:2]
     assert [label.get_text() for label in start.get_yticklabels()] == ["gyro bias", "range noise"]
     assert start.yaxis_inverted()
@@ -60,13 +60,13 @@ def many(good):
 
 
 def test_of_many_sources_the_smallest_are_summed(many):
-    figure = drawn(PLOTS["budget"](many, CASE, "velocity"))
+    figure = matplotlib_figure(PLOTS["budget"](many, CASE, "velocity"))
     reported = [text.get_text() for text in figure.legends[0].get_texts()]
     assert reported == [
         "gyro bias 00", "gyro bias 01", "range noise 00", "gyro bias 02", "range noise 01", "gyro bias 03",
         "range noise 02", "all others", "filter's own sigma (white on black)", "mean, the same in every run",
     ]  # fmt: skip
-    start, axes = drawn(PLOTS["heatmap"](many, CASE, "velocity")).axes[:2]
+    start, axes = matplotlib_figure(PLOTS["heatmap"](many, CASE, "velocity")).axes[:2]
     names = [label.get_text() for label in start.get_yticklabels()]
     assert len(names) == 13
     assert names[-1] == "all others"

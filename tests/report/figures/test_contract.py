@@ -11,7 +11,7 @@ from PIL import Image
 
 from lvnav_trade.report.figures import PLOTS
 from lvnav_trade.report.figures.browser import data_of
-from lvnav_trade.report.figures.raster import drawn, written
+from lvnav_trade.report.figures.raster import figure_bytes, matplotlib_figure
 
 CASE = "aaaaaaaaaaaa"
 ELSEWHERE = (
@@ -72,7 +72,7 @@ ARGUMENTS = {
 
 @pytest.mark.parametrize("name", [name for name in PLOTS if name not in ELSEWHERE])
 def test_every_axis_is_labelled(name, good):
-    figure = drawn(PLOTS[name](good, *ARGUMENTS[name]))
+    figure = matplotlib_figure(PLOTS[name](good, *ARGUMENTS[name]))
     for axes in figure.axes:
         if axes.get_label() == "<colorbar>":
             assert "%" in axes.get_ylabel()
@@ -95,7 +95,7 @@ def test_every_figure_is_a_picture_and_data(name, which, request):
     if (name, which) in (("spread", "alone"), ("missions", "alone")):
         assert figure is None  # there are no flights to stand by themselves
         return
-    picture = np.asarray(Image.open(io.BytesIO(written(figure, "png"))).convert("L"))
+    picture = np.asarray(Image.open(io.BytesIO(figure_bytes(figure, "png"))).convert("L"))
     assert np.mean(picture < 200) > 0.003  # ink
     found = json.loads(data_of(figure))
     assert len(found["panels"]) == len(figure.panels)

@@ -7,7 +7,7 @@ import pytest
 
 from lvnav_trade.report.figures import PLOTS
 from lvnav_trade.report.figures.error_histories import autocorrelation, errors, relative
-from lvnav_trade.report.figures.raster import drawn
+from lvnav_trade.report.figures.raster import matplotlib_figure
 from lvnav_trade.results.evaluation import METRICS
 from lvnav_trade.results.requirements.margins import worst_runs
 from lvnav_trade.results.statistics.select import pick
@@ -23,7 +23,7 @@ def lines(axes):
 
 
 def test_envelope_shows_the_history_in_the_units_of_people(good):
-    figure = drawn(PLOTS["envelope"](good, CASE, "attitude"))
+    figure = matplotlib_figure(PLOTS["envelope"](good, CASE, "attitude"))
     axes = figure.axes[0]
     assert axes.get_ylabel() == "roll, RMS or\n1 sigma (mrad)"
     history = good.history
@@ -36,7 +36,7 @@ def test_envelope_shows_the_history_in_the_units_of_people(good):
 
 
 def test_comparison_shows_every_case(good):
-    shown = lines(drawn(PLOTS["comparison"](good, "position")).axes[0])
+    shown = lines(matplotlib_figure(PLOTS["comparison"](good, "position")).axes[0])
     history = good.history
     for case, label in good.labels.items():
         rows = history[(history.case == case) & (history.quantity == "position") & (history.axis == "3d")]
@@ -44,7 +44,7 @@ def test_comparison_shows_every_case(good):
 
 
 def test_ranking_bars_are_the_ranking(good):
-    axes = drawn(PLOTS["rank"](good)).axes[0]
+    axes = matplotlib_figure(PLOTS["rank"](good)).axes[0]
     widths = [patch.get_width() for patch in axes.patches]
     np.testing.assert_allclose(widths, METRICS["ranking"](good).velocity)
 
@@ -57,7 +57,7 @@ def tables(tmp_path_factory):
 
 
 def test_errors_are_those_of_the_cases_and_the_phase_that_are_asked_for(tables):
-    ax = drawn(errors(tables, "velocity", [{"imu": "coarse"}], "north", "liftoff to stage1_cutoff")).axes[0]
+    ax = matplotlib_figure(errors(tables, "velocity", [{"imu": "coarse"}], "north", "liftoff to stage1_cutoff")).axes[0]
     runs, expected = ax.get_lines()[:2]
     assert runs.get_label() == "imu=coarse"
     history = tables.history
@@ -69,19 +69,19 @@ def test_errors_are_those_of_the_cases_and_the_phase_that_are_asked_for(tables):
 
 
 def test_all_cases_are_drawn_where_none_is_chosen(tables):
-    labels = [line.get_label() for line in drawn(errors(tables, "position")).axes[0].get_lines()]
+    labels = [line.get_label() for line in matplotlib_figure(errors(tables, "position")).axes[0].get_lines()]
     assert {"imu=fine", "imu=coarse"} <= set(labels)
 
 
 def test_every_case_has_a_panel_with_a_line_per_channel(tables):
-    figure = drawn(autocorrelation(tables, [{"imu": "fine"}], "rate"))
+    figure = matplotlib_figure(autocorrelation(tables, [{"imu": "fine"}], "rate"))
     panel = next(ax for ax in figure.axes if ax.get_title() == "imu=fine")
     assert len(panel.get_lines()) == synthetic.N_SAT
     assert list(panel.get_lines()[0].get_xdata()) == list(range(1, 11))
 
 
 def test_relative_errors_are_over_those_of_the_first_case(tables):
-    ax = drawn(
+    ax = matplotlib_figure(
         relative(tables, "velocity", [{"imu": "fine"}, {"imu": "coarse"}], "north", "liftoff to stage1_cutoff")
     ).axes[0]
     lines = {line.get_label(): line for line in ax.get_lines()}
@@ -95,7 +95,7 @@ def test_relative_errors_are_over_those_of_the_first_case(tables):
 
 
 def test_consistency_shows_the_tests(good):
-    axes = drawn(PLOTS["consistency"](good, CASE)).axes
+    axes = matplotlib_figure(PLOTS["consistency"](good, CASE)).axes
     for panel, name, value in ((axes[0], "nees", "anees_ratio"), (axes[1], "nis", "anis_ratio")):
         frame = METRICS[name](good)
         np.testing.assert_array_equal(lines(panel)["Monte Carlo"].get_ydata(), frame[frame.case == "imu=fine"][value])
@@ -107,19 +107,19 @@ def watched(tmp_path_factory):
 
 
 def test_the_legend_names_the_modes_that_occur(watched):
-    figure = drawn(PLOTS["logic"](watched, watched.cases.case[0]))
+    figure = matplotlib_figure(PLOTS["logic"](watched, watched.cases.case[0]))
     named = {text.get_text() for text in figure.legends[0].get_texts()}
     assert {"waiting", "converging", "aiding", "predicting", "stopped"} <= named
 
 
 def test_without_a_logic_it_says_so(good):
-    figure = drawn(PLOTS["logic"](good, good.cases.case[0]))
+    figure = matplotlib_figure(PLOTS["logic"](good, good.cases.case[0]))
     assert "no mode logic" in figure.axes[0].texts[0].get_text()
 
 
 def test_a_worst_run_is_the_one_of_the_table_of_runs_up_to_its_failure(good, tmp_path):
     row = worst_runs(good).iloc[0]
-    figure = drawn(PLOTS["worst_run"](good, row.case, str(row.run_number)))
+    figure = matplotlib_figure(PLOTS["worst_run"](good, row.case, str(row.run_number)))
     runs = pick(good.runs, case=row.case, event="injection")
     at_injection = runs[runs.run_number == row.run_number].iloc[0]
     for axes, quantity, unit, factor in zip(
@@ -131,10 +131,12 @@ def test_a_worst_run_is_the_one_of_the_table_of_runs_up_to_its_failure(good, tmp
     run = worst_runs(failed).iloc[0]
     assert (run.run_number, run.error) == (7, np.inf)
     until = failed.runs[(failed.runs.case == run.case) & (failed.runs.run_number == 7)].t_failed_s.iloc[0]
-    axes = drawn(PLOTS["worst_run"](failed, run.case, "7")).axes[0]
+    axes = matplotlib_figure(PLOTS["worst_run"](failed, run.case, "7")).axes[0]
     shown = lines(axes)["run 7"]
     assert np.nanmax(np.where(np.isfinite(shown.get_ydata()), shown.get_xdata(), np.nan)) < until
 
 
 def test_a_run_that_is_not_kept_is_said(good):
-    assert "is not kept over time" in drawn(PLOTS["worst_run"](good, CASE, "1000")).axes[0].texts[0].get_text()
+    assert (
+        "is not kept over time" in matplotlib_figure(PLOTS["worst_run"](good, CASE, "1000")).axes[0].texts[0].get_text()
+    )

@@ -17,7 +17,7 @@ def test_verbs_make_marks_of_six_kinds():
     axes.text(0.5, [1, 2], ["one", "two"])
     axes.cells([0, 1], [0, 1], [[3.0]], (1.0, 10.0), cmap="YlGnBu")
     line, band, boxes, limit, text, cells = axes.marks
-    assert [mark.kind for mark in axes.marks] == ["line", "band", "boxes", "limit", "text", "cells"]
+    assert [mark.mark_type for mark in axes.marks] == ["line", "band", "boxes", "limit", "text", "cells"]
     assert (line.label, line.style) == ("a", {"step": True, "color": "black"})
     assert list(band.data["low"]) == [0.0, 0.0]
     assert [list(boxes.data[side]) for side in ("x0", "x1", "y0", "y1")] == [

@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from lvnav_trade.report.figures import PLOTS
-from lvnav_trade.report.figures.raster import drawn
+from lvnav_trade.report.figures.raster import matplotlib_figure
 from lvnav_trade.report.flight import protection as section
 from tests.synthetic import with_protection_levels
 
 
 def test_a_panel_has_both_levels_and_the_true_error(good):
     case, tables = with_protection_levels(good)
-    figure = drawn(PLOTS["protection"](tables, case))
+    figure = matplotlib_figure(PLOTS["protection"](tables, case))
     position, velocity = figure.axes[:2]
     assert position.get_ylabel() == "position (m, log)"
     assert velocity.get_ylabel() == "velocity (m/s, log)"

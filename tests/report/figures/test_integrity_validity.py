@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from lvnav_trade.report.figures.integrity import is_a_grid, validity
-from lvnav_trade.report.figures.raster import drawn
+from lvnav_trade.report.figures.raster import matplotlib_figure
 from lvnav_trade.results.tables.read import Tables
 
 LEVELS = {f"{h}{g}": {"heading": h, "gap": g} for h in ("1 deg", "10 deg") for g in ("0 s", "100 s")}
@@ -38,7 +38,7 @@ def test_a_cell_holds_the_ratio_furthest_from_one_and_a_mark():
         (cases[3], "m", 1.0, "not applicable"),
     ]
     frame = pd.DataFrame(rows, columns=["case", "unit", "ratio", "verdict"])
-    cells, bar = drawn(validity(tables(LEVELS, frame))).axes
+    cells, bar = matplotlib_figure(validity(tables(LEVELS, frame))).axes
     assert (cells.get_xlabel(), cells.get_ylabel()) == ("heading", "gap")
     assert "(-)" in bar.get_ylabel()
     texts = [text.get_text() for text in cells.texts]

@@ -14,7 +14,7 @@ from PIL import Image
 
 from lvnav_trade.report.figures.browser import data_of
 from lvnav_trade.report.figures.figure import SHADE, Events, Figure, canvas, panel
-from lvnav_trade.report.figures.raster import drawn, files, within_a_decade, written
+from lvnav_trade.report.figures.raster import figure_bytes, files, matplotlib_figure, within_a_decade
 from lvnav_trade.report.figures.style import PALETTE
 
 
@@ -22,7 +22,7 @@ def test_a_colour_that_shows_in_the_legend_alone_is_kept():
     figure, axes = panel(3.0)
     for number, colour in enumerate(PALETTE[:6]):  # each line hides those before it
         axes.plot(np.arange(500), np.sin(np.linspace(0.0, 9.0, 500)), color=colour, label=str(number))
-    with Image.open(io.BytesIO(written(figure, "png"))) as image:
+    with Image.open(io.BytesIO(figure_bytes(figure, "png"))) as image:
         found = np.array(image.convert("RGB")).reshape(-1, 3).astype(int)
     for colour in PALETTE[:6]:
         wanted = [int(colour[k : k + 2], 16) for k in (1, 3, 5)]
@@ -34,7 +34,7 @@ def test_the_colours_of_large_areas_are_left_as_they_are():
     for number, colour in enumerate(PALETTE[:6]):
         axes.plot(np.arange(500), np.sin(np.linspace(0.0, 9.0 + number, 500)), color=colour, label=str(number))
     axes.axvspan(100, 140, color=SHADE, alpha=0.25)
-    with Image.open(io.BytesIO(written(figure, "png"))) as image:
+    with Image.open(io.BytesIO(figure_bytes(figure, "png"))) as image:
         found = image.convert("RGB").getcolors(1 << 20)
     often = [colour for _, colour in sorted(found, reverse=True)[:2]]
     assert often[0] == (255, 255, 255)
@@ -54,17 +54,17 @@ def test_figures_whose_worker_dies_are_drawn_by_this_process(caplog) -> None:
     axes.plot([0.0, 1.0], [1.0, 2.0], label="line")
     found = files({"a": Deadly(*figure), "b": figure}, jobs=2)
     assert list(found) == ["a.png", "b.png"]
-    assert found["a.png"] == found["b.png"] == written(figure, "png")
+    assert found["a.png"] == found["b.png"] == figure_bytes(figure, "png")
     assert caplog.messages == ["a worker process died (out of memory?); the figures are drawn one by one"]
 
 
 @pytest.mark.parametrize("name", ["module://matplotlib_inline.backend_inline", "module://none.at_all", "none"])
 def test_figures_need_no_backend_that_a_notebook_names(name: str) -> None:
     """As `!lvnav-trade ...` in a notebook runs it: the variable names a package of another installation."""
-    code = (
-        "from lvnav_trade.report.figures.raster import written; from lvnav_trade.report.figures.figure import panel\n"
+    code = "from lvnav_trade.report.figures.raster import figure_bytes; from lvnav_trade.report.figures.figure import panel\n"
+    code += (
+        "figure, axes = panel(2.0); axes.plot([0.0, 1.0], [1.0, 2.0]); print(figure_bytes(figure, 'png')[1:4].decode())"
     )
-    code += "figure, axes = panel(2.0); axes.plot([0.0, 1.0], [1.0, 2.0]); print(written(figure, 'png')[1:4].decode())"
     environment = {**os.environ, "MPLBACKEND": name}
     found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=environment, check=False)
     assert (found.stdout, found.stderr) == ("PNG\n", "")
@@ -75,7 +75,7 @@ def test_files_of_workers_are_those_of_one_process():
     axes.plot([0.0, 1.0], [1.0, 2.0], label="line")
     found = files({"a": figure, "b": figure}, ("png", "svg"), jobs=2)
     assert list(found) == ["a.png", "a.svg", "b.png", "b.svg"]
-    assert found["a.png"] == written(figure, "png")
+    assert found["a.png"] == figure_bytes(figure, "png")
     assert found["b.svg"].startswith(b"<?xml")
 
 
@@ -109,7 +109,7 @@ def test_an_axis_of_few_decades_has_labels_at_one_two_and_five(low, high, texts)
     figure, axes = panel(2.0)
     axes.plot([low, high], [0.0, 1.0])
     axes.set(xscale="log", margin=0.0)
-    found = drawn(figure)
+    found = matplotlib_figure(figure)
     found.draw_without_rendering()
     assert texts <= {text.get_text() for text in found.axes[0].get_xticklabels()}
 
@@ -121,7 +121,7 @@ def test_numbers_between_decades_stand_where_there_is_room(side, columns, close)
     at, level = [20.0, 5e4], [0.0, 1.0]
     axes.plot(*((at, level) if side == "x" else (level, at)))
     axes.set(margin=0.0, **{f"{side}scale": "log"})
-    found = drawn(figure)
+    found = matplotlib_figure(figure)
     found.draw_without_rendering()
     texts = {text.get_text() for text in getattr(found.axes[0], f"get_{side}ticklabels")()}
     assert ({"200", "500"} <= texts) == close
@@ -132,7 +132,7 @@ def test_an_axis_of_many_decades_has_labels_at_decades_alone():
     figure, axes = panel(2.0)
     axes.plot([0.5, 5e4], [0.0, 1.0])
     axes.set(xscale="log", margin=0.0)
-    found = drawn(figure)
+    found = matplotlib_figure(figure)
     found.draw_without_rendering()
     assert "2" not in {text.get_text() for text in found.axes[0].get_xticklabels()}
 
@@ -141,7 +141,7 @@ def test_ticks_of_a_short_logarithmic_axis_are_labelled():
     figure, axes = panel(2.0)
     axes.plot([0.6, 1.4], [0.0, 1.0])
     axes.set(xscale="log")
-    found = drawn(figure)
+    found = matplotlib_figure(figure)
     found.draw_without_rendering()
     texts = {text.get_text() for text in found.axes[0].get_xticklabels()}
     assert {"0.6", "0.8", "1", "1.2"} <= texts
@@ -152,7 +152,7 @@ def test_what_is_drawn_has_room_below_the_upper_edge_also_where_panels_share_it(
     for axes, top in zip(grid[0], (100.0, 104.0), strict=True):
         axes.plot([0.0, 1.0], [99.0, top])
         axes.set(ylim=0.0, margin=0.0)
-    for axes in drawn(figure).axes:
+    for axes in matplotlib_figure(figure).axes:
         np.testing.assert_allclose(axes.get_ylim(), (0.0, 1.05 * 104.0))
 
 
@@ -160,7 +160,7 @@ def test_a_logarithmic_axis_has_room_too():
     figure, axes = panel(2.0)
     axes.plot([0.0, 1.0], [1.0, 1000.0])
     axes.set(yscale="log", margin=0.01)
-    np.testing.assert_allclose(drawn(figure).axes[0].get_ylim(), (1000.0**-0.05, 1000.0**1.05))
+    np.testing.assert_allclose(matplotlib_figure(figure).axes[0].get_ylim(), (1000.0**-0.05, 1000.0**1.05))
 
 
 @pytest.mark.parametrize("filled", [True, False])
@@ -169,8 +169,8 @@ def test_faults_are_shaded_over_areas_and_below_lines(filled):
     axes.fill_between([0.0, 9.0], 0.0, 1.0, **({} if filled else {"alpha": 0.2}))
     axes.plot([0.0, 9.0], [0.0, 1.0])
     axes.events = Events((), (("outage 1", 2.0, 4.0),))
-    found = drawn(figure).axes[0]
+    found = matplotlib_figure(figure).axes[0]
     (shade,) = found.patches
     assert found.collections[0].get_zorder() < shade.get_zorder() < found.lines[0].get_zorder()
-    assert (axes.filled, json.loads(data_of(figure))["panels"][0]["filled"]) == (filled, filled)
+    assert (axes.has_opaque_areas, json.loads(data_of(figure))["panels"][0]["filled"]) == (filled, filled)
     assert (max(shade.get_facecolor()[:3]) == 0.0) == filled  # on areas of colours grey does not show

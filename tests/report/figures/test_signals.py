@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from lvnav_trade.report.figures import PLOTS
-from lvnav_trade.report.figures.raster import drawn
+from lvnav_trade.report.figures.raster import matplotlib_figure
 from lvnav_trade.report.figures.signals import _channel_intervals, _tracking_intervals, layers_of
 from lvnav_trade.results.evaluation import METRICS
 
@@ -18,7 +18,7 @@ def lines(axes):
 
 
 def test_satellites_show_the_counts(good):
-    shown = lines(drawn(PLOTS["satellites"](good, CASE)).axes[0])
+    shown = lines(matplotlib_figure(PLOTS["satellites"](good, CASE)).axes[0])
     counts = METRICS["in_view"](good)
     counts = counts[counts.case == "imu=fine"]
     np.testing.assert_array_equal(shown["tracked"].get_ydata(), counts.tracked_count)
@@ -26,7 +26,7 @@ def test_satellites_show_the_counts(good):
 
 def test_carrier_to_noise_is_drawn_with_its_median_and_thresholds(good):
     """Eight satellites with 38 to 45 dB-Hz: 41.5 in the middle; the first alone, 38, just after the outage."""
-    shown = lines(drawn(PLOTS["satellites"](good, CASE)).axes[1])
+    shown = lines(matplotlib_figure(PLOTS["satellites"](good, CASE)).axes[1])
     median = dict(zip(*shown["median of those tracked"].get_data(), strict=True))
     assert (median[50.0], median[75.0]) == (41.5, 38.0)
     assert np.isnan(median[65.0])
@@ -37,11 +37,11 @@ def test_carrier_to_noise_is_drawn_with_its_median_and_thresholds(good):
 def test_without_a_link_budget_there_is_no_panel_of_it(good):
     bare = type(good)(good.folder)
     bare._read["satellites"] = good.satellites.assign(cn0_db_hz=np.nan)
-    assert len(drawn(PLOTS["satellites"](bare, CASE)).axes) == 1
+    assert len(matplotlib_figure(PLOTS["satellites"](bare, CASE)).axes) == 1
 
 
 def test_a_fault_that_takes_satellites_has_a_sky_of_its_own(good):
-    figure = drawn(PLOTS["sky"](good, CASE))
+    figure = matplotlib_figure(PLOTS["sky"](good, CASE))
     assert [axes.get_title() for axes in figure.axes] == [
         "lift-off\n1 s", "satellite outage 1\n74 s", "injection\n99 s"
     ]  # fmt: skip
@@ -56,7 +56,7 @@ def test_a_fault_that_takes_satellites_has_a_sky_of_its_own(good):
 def test_satellites_below_the_local_horizontal_are_shown_where_they_are_tracked(good):
     low = type(good)(good.folder)
     low._read["satellites"] = good.satellites.assign(elevation_rad=good.satellites.elevation_rad - 0.3)
-    axes = drawn(PLOTS["sky"](low, CASE)).axes[0]
+    axes = matplotlib_figure(PLOTS["sky"](low, CASE)).axes[0]
     assert axes.get_ylim()[1] == 1.08 * 105.0
     assert len(axes.texts) == 8 + 2 + 4  # beside the satellites elevations and azimuths
 
@@ -64,7 +64,7 @@ def test_satellites_below_the_local_horizontal_are_shown_where_they_are_tracked(
 def test_a_flight_without_an_injection_ends_with_its_last_event(good):
     rocket = type(good)(good.folder)
     rocket._read["events"] = good.events[good.events.event != "injection"]
-    assert drawn(PLOTS["sky"](rocket, CASE)).axes[-1].get_title() == "stage1 cutoff\n40 s"
+    assert matplotlib_figure(PLOTS["sky"](rocket, CASE)).axes[-1].get_title() == "stage1 cutoff\n40 s"
 
 
 def test_bars_are_stretches_between_transitions(good):
@@ -85,7 +85,7 @@ def test_without_channels_bars_are_the_stretches_with_a_measurement(good):
 
 
 def test_the_end_of_tracking_is_marked_with_its_reason(good):
-    figure = drawn(PLOTS["timeline"](good, CASE))
+    figure = matplotlib_figure(PLOTS["timeline"](good, CASE))
     line = next(line for line in figure.axes[0].get_lines() if line.get_label() == "tracking ends: fault")
     np.testing.assert_array_equal(line.get_xdata(), np.full(8, 60.0))
     assert sorted(line.get_ydata()) == list(range(8))
@@ -93,7 +93,7 @@ def test_the_end_of_tracking_is_marked_with_its_reason(good):
 
 
 def test_true_delays_stand_above_what_the_correction_leaves(good):
-    axes = drawn(PLOTS["delays"](good, CASE)).axes
+    axes = matplotlib_figure(PLOTS["delays"](good, CASE)).axes
     assert [a.get_ylabel().split("\n")[0] for a in axes] == [
         "troposphere, true", "ionosphere, true", "troposphere, residual", "ionosphere, residual"
     ]  # fmt: skip
@@ -109,9 +109,9 @@ def test_a_layer_without_delay_is_not_drawn(good):
     assert layers_of(rows) == ["troposphere"]
     bare = type(good)(good.folder)
     bare._read["satellites"] = rows
-    assert len(drawn(PLOTS["delays"](bare, CASE)).axes) == 2
+    assert len(matplotlib_figure(PLOTS["delays"](bare, CASE)).axes) == 2
 
 
 def test_latency_is_drawn_in_milliseconds(good):
-    line = drawn(PLOTS["latency"](good, CASE)).axes[0].get_lines()[0]
+    line = matplotlib_figure(PLOTS["latency"](good, CASE)).axes[0].get_lines()[0]
     np.testing.assert_allclose(line.get_ydata()[[0, -1]], [100.0, 300.0])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from lvnav_trade.report.figures import PLOTS
-from lvnav_trade.report.figures.raster import drawn
+from lvnav_trade.report.figures.raster import matplotlib_figure
 from tests import many_designs
 
 
@@ -15,7 +15,7 @@ def tables(tmp_path_factory: pytest.TempPathFactory):
 
 
 def test_effects_have_a_bar_and_an_interval_for_every_axis(tables) -> None:
-    parts, ranks = drawn(PLOTS["effects"](tables, "fast")).axes
+    parts, ranks = matplotlib_figure(PLOTS["effects"](tables, "fast")).axes
     assert [label.get_text() for label in parts.get_yticklabels()] == ["heading", "filter", "bias repeatability"]
     widths = [bar.get_width() for bar in parts.patches]
     assert widths == sorted(widths)
@@ -23,7 +23,7 @@ def test_effects_have_a_bar_and_an_interval_for_every_axis(tables) -> None:
 
 
 def test_shares_have_a_panel_for_every_axis_in_the_unit_of_the_campaign(tables) -> None:
-    axes = drawn(PLOTS["regions"](tables)).axes
+    axes = matplotlib_figure(PLOTS["regions"](tables)).axes
     labels = [ax.get_xlabel() for ax in axes if ax.get_xlabel()]
     assert [label.partition(" (")[0] for label in labels] == ["filter", "bias repeatability", "heading"]
     assert "deg/h" in labels[1]
@@ -31,7 +31,7 @@ def test_shares_have_a_panel_for_every_axis_in_the_unit_of_the_campaign(tables) 
 
 
 def test_the_error_between_the_ends_of_each_axis_is_a_bar_the_longest_on_top(tables) -> None:
-    (ax,) = drawn(PLOTS["swings"](tables, "fast")).axes
+    (ax,) = matplotlib_figure(PLOTS["swings"](tables, "fast")).axes
     assert [label.get_text() for label in ax.get_yticklabels()] == ["heading", "filter", "bias repeatability"]
     widths = [bar.get_width() for bar in ax.patches]
     assert widths == sorted(widths)
@@ -42,7 +42,7 @@ def test_the_error_between_the_ends_of_each_axis_is_a_bar_the_longest_on_top(tab
 
 
 def test_a_dot_at_an_end_of_a_share_is_whole(tables) -> None:
-    for ax in drawn(PLOTS["regions"](tables)).axes:
+    for ax in matplotlib_figure(PLOTS["regions"](tables)).axes:
         low, high = ax.get_ylim()
         assert low < -0.03
         assert high > 1.03
@@ -52,4 +52,4 @@ def test_a_dot_at_an_end_of_a_share_is_whole(tables) -> None:
 def test_figures_of_a_grid_are_without_intervals(tmp_path) -> None:
     grid = many_designs.grid(tmp_path)
     for name, about in (("effects", ("fast",)), ("swings", ("fast",)), ("regions", ())):
-        assert drawn(PLOTS[name](grid, *about)).axes
+        assert matplotlib_figure(PLOTS[name](grid, *about)).axes

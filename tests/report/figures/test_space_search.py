@@ -12,7 +12,7 @@ def test_a_ratio_has_its_limit_of_one_and_its_answer() -> None:
     figure = space.ratios(pd.DataFrame(LOOKS, columns=SCANNED), pd.DataFrame(ONE, columns=ANSWERS), "initial.tilt")
     (ax,) = figure.panels
     assert "initial.tilt (deg)" in ax.axes["xlabel"]
-    assert [1.5] in [list(mark.data["x"]) for mark in ax.marks if mark.kind == "line"]
+    assert [1.5] in [list(mark.data["x"]) for mark in ax.marks if mark.mark_type == "line"]
 
 
 def test_indices_have_two_panels_with_two_bars_for_each_source() -> None:

@@ -6,14 +6,14 @@ import pandas as pd
 
 from lvnav_trade.report.figures import PLOTS, raster, style
 from lvnav_trade.report.figures.figure import Events, events_of, panel, unit_of
-from lvnav_trade.report.figures.raster import drawn
+from lvnav_trade.report.figures.raster import matplotlib_figure
 from lvnav_trade.report.figures.style import line_of, scale_up, share_scales
 
 CASE = "aaaaaaaaaaaa"
 
 
 def test_faults_are_shaded_and_events_are_numbered(good):
-    axes = drawn(PLOTS["satellites"](good, CASE)).axes[0]
+    axes = matplotlib_figure(PLOTS["satellites"](good, CASE)).axes[0]
     assert len(axes.patches) == 1
     assert {"2", "3"} == {text.get_text() for text in axes.texts}  # the first is before the first sample
 
@@ -45,7 +45,7 @@ def test_a_line_ends_where_rows_pause_and_begins_again():
 def test_numbers_of_events_have_a_key(good):
     figure = PLOTS["trajectory"](good, CASE)
     assert figure.key == "1 liftoff · 2 stage1 cutoff · 3 injection · shaded: satellite outage 1"
-    names = {text.get_text() for text in drawn(figure).axes[0].texts}
+    names = {text.get_text() for text in matplotlib_figure(figure).axes[0].texts}
     assert names == {"1", "2", "3"}
 
 
@@ -62,7 +62,7 @@ def test_a_fault_of_a_moment_is_a_line(good):
     figure, axes = panel(2.0)
     axes.plot([-5.0, 100.0], [0.0, 1.0])
     axes.events = events_of(good.events[good.events.case == CASE].assign(t_end_s=lambda rows: rows.t_s))
-    found = drawn(figure).axes[0]
+    found = matplotlib_figure(figure).axes[0]
     assert len(found.patches) == 0
     assert [60.0, 60.0] in [list(line.get_xdata()) for line in found.get_lines()]
 

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from lvnav_trade.report.figures import PLOTS
-from lvnav_trade.report.figures.raster import drawn, written
+from lvnav_trade.report.figures.raster import figure_bytes, matplotlib_figure
 from lvnav_trade.report.figures.vehicle_motion import motion, movement, singular, sweep, turning
 from tests.vehicle_tables import FILTERED, LESS, RAW, tables
 
@@ -23,16 +23,16 @@ ARGUMENTS = {
 
 @pytest.mark.parametrize("name", ARGUMENTS)
 def test_axes_are_labelled_and_the_figure_can_be_saved(name):
-    figure = drawn(PLOTS[name](tables(), *ARGUMENTS[name]))
+    figure = matplotlib_figure(PLOTS[name](tables(), *ARGUMENTS[name]))
     grid = figure.axes[0].get_subplotspec().get_gridspec()
     for axes in figure.axes:
         assert axes.get_xlabel() or not axes.get_subplotspec().is_last_row()
         assert axes.get_ylabel() or (grid.ncols > 1 and not axes.get_subplotspec().is_first_col())
-    assert len(written(PLOTS[name](tables(), *ARGUMENTS[name]), "png")) > 5000
+    assert len(figure_bytes(PLOTS[name](tables(), *ARGUMENTS[name]), "png")) > 5000
 
 
 def test_raw_and_filtered_stand_in_one_panel_an_axis():
-    figure = drawn(motion(tables(), CASE, "rate"))
+    figure = matplotlib_figure(motion(tables(), CASE, "rate"))
     assert len(figure.axes) == 3
     shown = {line.get_label(): line.get_ydata() for line in figure.axes[0].get_lines()}
     np.testing.assert_allclose(shown["raw, RMS of 20 runs"], RAW * 206264.8)
@@ -40,7 +40,7 @@ def test_raw_and_filtered_stand_in_one_panel_an_axis():
 
 
 def test_the_sweep_shows_reductions_by_their_gain():
-    figure = drawn(sweep(tables()))
+    figure = matplotlib_figure(sweep(tables()))
     line = next(line for line in figure.axes[0].get_lines() if line.get_marker() != "None")
     np.testing.assert_allclose(np.asarray(line.get_xdata(), dtype=float), [1.0, 2.0])
     np.testing.assert_allclose(np.asarray(line.get_ydata(), dtype=float), 100.0 * LESS)
@@ -61,7 +61,7 @@ def test_positions_against_their_biases_stand_out():
 
 def test_trajectory_shows_altitude_in_km(good):
     reference = good.reference[good.reference.case == CASE]
-    line = drawn(PLOTS["trajectory"](good, CASE)).axes[0].get_lines()[0]
+    line = matplotlib_figure(PLOTS["trajectory"](good, CASE)).axes[0].get_lines()[0]
     np.testing.assert_array_equal(line.get_ydata(), reference.altitude_m / 1e3)
 
 
@@ -79,7 +79,7 @@ def test_the_envelope_is_drawn_on_both_sides(monkeypatch):
             "jerk_envelope_m_per_s3": 10.0}  # fmt: skip
     monkeypatch.setattr("lvnav_trade.report.figures.style.load", lambda tables: tables)
     other = pd.DataFrame(rows | {"axis": "yaw", "angular_acceleration_envelope_rad_per_s2": 9.0})
-    figure = drawn(turning(_Tables(pd.concat([pd.DataFrame(rows), other])), "a"))
+    figure = matplotlib_figure(turning(_Tables(pd.concat([pd.DataFrame(rows), other])), "a"))
     for axes, bound in zip(figure.axes, (0.02, 10.0), strict=True):
         shown = [line.get_ydata()[0] for line in axes.get_lines()]
         np.testing.assert_allclose(sorted(shown), [-bound, 0.0, bound])

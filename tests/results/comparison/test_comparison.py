@@ -53,7 +53,7 @@ def test_a_difference_too_close_to_call_is_undecided(good, tmp_path):
 
 def test_the_numbers_are_those_of_the_pairs_without_failed_runs(good, seven):
     found = row(compare(good, seven, confidence=0.9), VELOCITY, "imu=fine")
-    sides = [errors_at(tables, "aaaaaaaaaaaa", "injection", VELOCITY).size for tables in (good, seven)]
+    sides = [errors_at(tables, "aaaaaaaaaaaa", "injection", VELOCITY).magnitude for tables in (good, seven)]
     keep = np.isfinite(sides[0])
     assert keep.sum() == 199
     rows = len(compare(good, seven).frame)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from lvnav_trade.quantities.errors import InputError
-from lvnav_trade.results.comparison.matching import left_out, match
+from lvnav_trade.results.comparison.matching import match, unmatched_case_notes
 from tests.results.variants import relabelled, variant
 
 FINE, COARSE = "aaaaaaaaaaaa", "bbbbbbbbbbbb"
@@ -13,14 +13,14 @@ FINE, COARSE = "aaaaaaaaaaaa", "bbbbbbbbbbbb"
 
 def test_cases_of_equal_labels_belong_together(good):
     assert match(good, good) == [(FINE, FINE, "imu=fine"), (COARSE, COARSE, "imu=coarse")]
-    assert left_out(good, good, match(good, good)) == []
+    assert unmatched_case_notes(good, good, match(good, good)) == []
 
 
 def test_a_level_of_another_name_is_found_by_the_mapping(good, tmp_path):
     other = variant(good, tmp_path / "b", cases=relabelled(fine="finer"))
     pairs = match(good, other)
     assert [pair.base for pair in pairs] == [COARSE]
-    reported = left_out(good, other, pairs)
+    reported = unmatched_case_notes(good, other, pairs)
     assert [line.partition(": ")[2] for line in reported] == ["imu=fine.", "imu=finer."]
     assert match(good, other, {"fine": "finer"})[0] == (FINE, FINE, "imu=fine → imu=finer")
     assert match(good, other, {"imu=fine": "imu=finer"})[0] == match(good, other, {FINE: FINE})[0]

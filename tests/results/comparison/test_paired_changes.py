@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from lvnav_trade.results.comparison.paired_changes import (
-    beyond_change,
+    exceedance_change,
     fitted_quantile_change,
     quantile_change,
     rms_change,
@@ -33,13 +33,13 @@ def test_bounds_on_paired_fractions_are_those_of_tango():
     # Airway hyper-responsiveness before and after transplantation, n = 21, in Fagerland, Lydersen and Laake (2014),
     # Statistics in Medicine 33: Tango's score interval of the difference is (-0.517, -0.026).
     before, after = discordant(1, 1, 7, 12)
-    found = beyond_change(after, before, 0.025, 0.025)
+    found = exceedance_change(after, before, 0.025, 0.025)
     assert (found.low, found.high) == (pytest.approx(-0.517, abs=5e-4), pytest.approx(-0.026, abs=5e-4))
 
 
 def test_without_a_discordant_pair_the_bounds_are_those_of_the_closed_form():
     none = np.zeros(200, dtype=bool)
-    found = beyond_change(none, none, 0.05, 0.05)
+    found = exceedance_change(none, none, 0.05, 0.05)
     z2 = 1.6448536269514722**2
     assert found.high == pytest.approx(z2 / (200 + z2), rel=1e-6)
     assert found.low == -found.high
@@ -47,7 +47,7 @@ def test_without_a_discordant_pair_the_bounds_are_those_of_the_closed_form():
 
 def test_bounds_on_fractions_mirror_when_the_cases_change_places():
     first, second = discordant(5, 3, 11, 181)
-    there, back = beyond_change(first, second, 0.05, 0.1), beyond_change(second, first, 0.1, 0.05)
+    there, back = exceedance_change(first, second, 0.05, 0.1), exceedance_change(second, first, 0.1, 0.05)
     assert (there.low, there.high) == (pytest.approx(-back.high), pytest.approx(-back.low))
     assert there.change == pytest.approx(0.04)
     assert there.low < 0.04 < there.high
@@ -167,5 +167,5 @@ def test_a_small_change_of_a_far_quantile_is_decided_with_a_hundred_pairs():
     assert verdict(worse.low, worse.high, 0.05) == "worse"
     # counted runs say nothing of it
     limit = 10.0 * pair[0].max()
-    counted = beyond_change(pair[0] >= limit, pair[1] >= limit, 0.05, 0.05)
+    counted = exceedance_change(pair[0] >= limit, pair[1] >= limit, 0.05, 0.05)
     assert verdict(counted.low, counted.high, 1.0 - P) == "undecided"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from lvnav_trade.results.evaluation import METRICS
-from lvnav_trade.results.evaluation.assumed_numbers import compared_by
+from lvnav_trade.results.evaluation.assumed_numbers import varied_assumptions
 from lvnav_trade.results.tables.read import load
 from tests import synthetic
 
@@ -47,7 +47,7 @@ def test_every_marked_number_is_listed_with_its_case_value_and_reason(tables) ->
 
 def test_products_are_compared_by_marked_numbers_only_where_these_differ(tables) -> None:
     """Rate and mass are the same in both cases; the filter is no product."""
-    frame = compared_by(tables)
+    frame = varied_assumptions(tables)
     assert list(frame.itertuples(index=False, name=None)) == [
         ("imu", "resources.cost", "assumed", 1, 2),
         ("imu", "gyro.bias_repeatability", "second hand", 1, 2),

@@ -7,7 +7,7 @@ import pytest
 from scipy import special
 
 from lvnav_trade.results.evaluation import METRICS
-from lvnav_trade.results.evaluation.coverage import GAUSSIAN, SIGMAS, coverage, covered
+from lvnav_trade.results.evaluation.coverage import GAUSSIAN, SIGMAS, coverage, coverage_probability
 from lvnav_trade.results.evaluation.published import references
 from lvnav_trade.results.statistics.probability import box_probability, success_bounds
 from lvnav_trade.results.tables.dictionary import error_column
@@ -83,14 +83,14 @@ def test_of_missions_together_it_is_the_mean_and_its_interval_is_that_of_a_share
         ]
     }  # fmt: skip
     (row,) = references(tables, stated).itertuples()
-    parts = [covered(tables, case, "injection", "position").runs.mean() for case in tables.labels]
+    parts = [coverage_probability(tables, case, "injection", "position").runs.mean() for case in tables.labels]
     assert row.ours == row.monte_carlo == pytest.approx(np.mean(parts))
     assert 0.0 <= row.low <= row.ours <= row.high <= 1.0
 
 
 def test_both_covariances_expect_a_share_of_their_own(tables):
     case = next(iter(tables.labels))
-    found = covered(tables, case, "injection", "velocity")
+    found = coverage_probability(tables, case, "injection", "velocity")
     assert found.formal == pytest.approx(GAUSSIAN**3, abs=0.003)
     assert 0.0 < found.true <= 1.0
     assert len(found.runs) == N_RUN

@@ -10,7 +10,7 @@ import pytest
 from scipy import stats
 
 from lvnav_trade.results.evaluation import METRICS
-from lvnav_trade.results.evaluation.design_space import ALL, axis_label, interval, overconfident, people_of, possible
+from lvnav_trade.results.evaluation.design_space import ALL, axis_label, display_unit, interval, overconfident, possible
 from lvnav_trade.results.evaluation.designs import designs
 from tests import many_designs
 
@@ -107,11 +107,11 @@ def test_an_interval_is_exact_binomial() -> None:
 
 
 def test_axes_are_shown_in_the_unit_that_the_campaign_states(tables) -> None:
-    unit, factor = people_of(tables, BIAS)
+    unit, factor = display_unit(tables, BIAS)
     assert (unit, factor) == ("deg/h", pytest.approx(3600.0 * 180.0 / math.pi))
-    assert people_of(tables, FILTER) == ("", 1.0)
-    assert people_of(tables, "attitude_rad") == ("mrad", 1e3)
-    assert people_of(tables, "realism_quantile_sigma") == ("sigma", 1.0)
+    assert display_unit(tables, FILTER) == ("", 1.0)
+    assert display_unit(tables, "attitude_rad") == ("mrad", 1e3)
+    assert display_unit(tables, "realism_quantile_sigma") == ("sigma", 1.0)
     assert axis_label("realism_quantile_sigma") == "realism quantile"
     assert axis_label(BIAS) == "bias repeatability"
 
@@ -127,14 +127,14 @@ def test_a_unit_is_that_of_the_axis_of_this_name_and_of_no_other_that_begins_wit
     axes = [many_designs.AXES[1], many_designs.AXES[0], many_designs.AXES[2]]
     changed = found.with_frames(designs=frame)
     changed.__dict__["campaign"] = {**found.campaign, "axes": axes}
-    assert people_of(changed, "axis_heading_rate_rad_per_s")[0] == "deg/h"
-    assert people_of(changed, HEADING)[0] == "deg"
+    assert display_unit(changed, "axis_heading_rate_rad_per_s")[0] == "deg/h"
+    assert display_unit(changed, HEADING)[0] == "deg"
     swapped = found.with_frames(
         designs=frame.assign(axes=[json.dumps(dict(reversed(json.loads(text).items()))) for text in frame["axes"]])
     )
     swapped.__dict__["campaign"] = {**found.campaign, "axes": axes[::-1]}
-    assert people_of(swapped, "axis_heading_rate_rad_per_s")[0] == "deg/h"
-    assert people_of(swapped, HEADING)[0] == "deg"
+    assert display_unit(swapped, "axis_heading_rate_rad_per_s")[0] == "deg/h"
+    assert display_unit(swapped, HEADING)[0] == "deg"
 
 
 # --- grids ------------------------------------------------------------------------------------------------------------

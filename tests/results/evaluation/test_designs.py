@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from lvnav_trade.results.evaluation import METRICS
-from lvnav_trade.results.evaluation.designs import at_event, meanings, slug, together, unit_of
+from lvnav_trade.results.evaluation.designs import at_event, meanings, overall_verdicts, slug, unit_of
 from lvnav_trade.results.tables.read import load
 from tests import synthetic
 
@@ -35,7 +35,7 @@ def test_a_design_is_a_row_with_the_numbers_of_the_other_tables_in_si(tables) ->
 
 def test_an_attitude_is_in_radians_although_the_report_has_milliradians(tables) -> None:
     found, ranking = METRICS["designs"](tables).set_index("label"), METRICS["ranking"](tables).set_index("case")
-    assert tables.people["attitude", "3d"] == ("mrad", 1e3)
+    assert tables.display_units["attitude", "3d"] == ("mrad", 1e3)
     assert (found.attitude_rad < 0.1).all()
     assert set(ranking.index) == set(found.index)
 
@@ -54,7 +54,7 @@ def test_the_binding_requirement_is_the_one_nearest_to_its_limit() -> None:
 
     ratios = pd.DataFrame({"a": [0.5, 2.0, np.nan], "b": [0.9, 0.1, 0.3]})
     words = pd.DataFrame({"a": ["met", "violated", "not applicable"], "b": ["met", "met", "met"]})
-    found = together(ratios, words)
+    found = overall_verdicts(ratios, words)
     assert list(found.limiting_requirement) == ["b", "a", ""]
     assert list(found.error_ratio[:2]) == [0.9, 2.0]
     assert np.isnan(found.error_ratio[2])

@@ -9,7 +9,7 @@ from lvnav_trade.results.evaluation import METRICS
 from lvnav_trade.results.evaluation.integrity import (
     applied_faults,
     decisions,
-    expected,
+    expected_element,
     integrity,
     rate,
     share,
@@ -144,9 +144,9 @@ def test_decisions_reach_the_tables_with_the_name_of_the_channel(tmp_path):
     rows = written.integrity
     assert sorted(rows.run_number) == sorted([*range(8)] * 2)
     assert set(rows.isolated_element) == {"channel"}
-    assert set(rows.channel) == {synthetic.prepared().channel_names[1]}
+    assert set(rows.channel) == {synthetic.prepared_case().channel_names[1]}
     assert set(METRICS["integrity"](written).outcome) >= {"false alarm"}
-    satellite = synthetic.prepared().channel_names[1].split()[0]
+    satellite = synthetic.prepared_case().channel_names[1].split()[0]
     found = METRICS["decisions"](written)
     assert found[["t_s", "satellites", "run_count", "run_ratio"]].values.tolist() == [[40.0, satellite, 8, 1.0]] * 2
     assert METRICS["fault_test_errors"](written).empty  # both cases are tested
@@ -155,4 +155,4 @@ def test_decisions_reach_the_tables_with_the_name_of_the_channel(tmp_path):
 
 def test_what_should_be_isolated_of_each_kind():
     names = ("range_bias 1", "clock_drift 2", "dead_axis 1", "gyro_bias_step 1", "satellite_outage 1", "spoofing 1")
-    assert [expected(name) for name in names] == ["channel", "clock", "inertial", "inertial", "inertial", ""]
+    assert [expected_element(name) for name in names] == ["channel", "clock", "inertial", "inertial", "inertial", ""]

@@ -6,7 +6,14 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from lvnav_trade.results.evaluation.published import at_an_edge, evidence, marks, most_important, own, reproduced
+from lvnav_trade.results.evaluation.published import (
+    is_at_edge,
+    is_evidence,
+    is_reproduced,
+    is_unpublished,
+    marks,
+    most_important,
+)
 
 ROWS = pd.DataFrame(
     {
@@ -24,24 +31,24 @@ ROWS = pd.DataFrame(
 
 
 def test_what_holds_is_decided_by_the_verdict_and_a_flight_at_an_edge_is_told_apart() -> None:
-    assert list(at_an_edge(ROWS)) == [False, True, False, False, False, False]
-    assert list(reproduced(ROWS)) == [True, True, False, False, True, False]
+    assert list(is_at_edge(ROWS)) == [False, True, False, False, False, False]
+    assert list(is_reproduced(ROWS)) == [True, True, False, False, True, False]
 
 
 @pytest.mark.parametrize("percentile", [0.0, 1.0, 99.0, 100.0])
 def test_an_edge_is_the_point_itself_and_what_is_beyond(percentile: float) -> None:
-    assert at_an_edge(ROWS.assign(percentile=percentile)).all()
+    assert is_at_edge(ROWS.assign(percentile=percentile)).all()
 
 
 def test_a_number_that_an_input_decides_is_no_evidence() -> None:
-    assert list(evidence(ROWS)) == [True, True, True, True, False, True]
+    assert list(is_evidence(ROWS)) == [True, True, True, True, False, True]
 
 
 @pytest.mark.parametrize("mark", ["own", "again", "verification"])
 def test_a_row_with_a_mark_is_no_evidence(mark: str) -> None:
     rows = ROWS.assign(counts_as=["number", "order", mark, "statement", "repeats", "number"])
-    assert list(evidence(rows)) == [True, True, False, True, False, True]
-    assert list(own(rows)) == [False, False, mark == "own", False, False, False]
+    assert list(is_evidence(rows)) == [True, True, False, True, False, True]
+    assert list(is_unpublished(rows)) == [False, False, mark == "own", False, False, False]
 
 
 def test_the_first_mark_of_a_row_is_what_it_counts_as() -> None:

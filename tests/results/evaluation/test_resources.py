@@ -10,9 +10,9 @@ import pytest
 from lvnav_trade.campaign.definition.axes import cases
 from lvnav_trade.campaign.reading.load import load as load_campaign
 from lvnav_trade.report.figures import PLOTS
-from lvnav_trade.report.figures.raster import drawn
+from lvnav_trade.report.figures.raster import matplotlib_figure
 from lvnav_trade.results.evaluation import METRICS, resources
-from lvnav_trade.results.evaluation.resources import PREFERRED, ranked
+from lvnav_trade.results.evaluation.resources import PREFERRED, sort_by_preference
 from lvnav_trade.results.tables.read import load
 from tests import synthetic
 
@@ -55,9 +55,9 @@ def test_the_front_has_no_dominated_case_and_the_cheapest_that_meets_comes_first
     assert frame.meets.to_dict() == {"imu=fine": True, "imu=coarse": False}
     ratio = frame.error_ratio
     assert ratio["imu=coarse"] / ratio["imu=fine"] == pytest.approx(3.0, rel=1e-6)
-    assert list(ranked(frame.reset_index(), ["cost"]).case) == ["imu=fine", "imu=coarse"]
+    assert list(sort_by_preference(frame.reset_index(), ["cost"]).case) == ["imu=fine", "imu=coarse"]
     heavier = frame.reset_index().assign(meets=True)
-    assert list(ranked(heavier, ["cost"]).case) == ["imu=coarse", "imu=fine"]
+    assert list(sort_by_preference(heavier, ["cost"]).case) == ["imu=coarse", "imu=fine"]
     assert set(PREFERRED.values()) <= set(heavier.columns)
 
 
@@ -98,7 +98,7 @@ def test_resources_are_in_no_digest() -> None:
 
 
 def test_the_front_is_drawn_with_a_cross_for_a_case_that_violates(stated) -> None:
-    (ax,) = drawn(PLOTS["pareto"](stated)).axes
+    (ax,) = matplotlib_figure(PLOTS["pareto"](stated)).axes
     points = {line.get_marker(): line.get_xydata()[0] for line in ax.lines if line.get_marker() in ("o", "x")}
     frame = METRICS["pareto"](stated).set_index("case")
     assert points["o"] == pytest.approx([106.0, frame.error_ratio["imu=fine"]])
@@ -110,6 +110,6 @@ def test_a_demonstrated_design_comes_before_a_cheaper_one_that_is_undecided(stat
     frame = METRICS["pareto"](stated)
     cheap = frame.case == "imu=coarse"
     changed = frame.assign(verdict=np.where(cheap, "undecided", "met"), error_ratio=0.9, meets=~cheap)
-    assert list(ranked(changed, ["cost"]).case) == ["imu=fine", "imu=coarse"]
+    assert list(sort_by_preference(changed, ["cost"]).case) == ["imu=fine", "imu=coarse"]
     violated = changed.assign(verdict=np.where(cheap, "undecided", "violated"), meets=False)
-    assert list(ranked(violated, ["cost"]).case) == ["imu=coarse", "imu=fine"]
+    assert list(sort_by_preference(violated, ["cost"]).case) == ["imu=coarse", "imu=fine"]

@@ -29,7 +29,7 @@ def test_rms_at_an_event_is_that_of_the_good_runs(good):
     assert len(runs) == 199
     assert row.rms == pytest.approx(np.sqrt((runs.velocity_3d_error_m_per_s**2).mean()), rel=1e-12)
     assert row.low < row.rms < row.high
-    assert row.formal_sigma == pytest.approx(np.linalg.norm(covariance().formal[-1, 3:6]), rel=1e-12)
+    assert row.formal_sigma == pytest.approx(np.linalg.norm(covariance().formal_sigma[-1, 3:6]), rel=1e-12)
     assert row.lincov_true_sigma == pytest.approx(np.hypot(row.formal_sigma, 0.05 * 1.995), rel=1e-12)
 
 
@@ -76,7 +76,7 @@ def test_the_difference_is_that_of_the_errors_run_by_run(tables):
     runs, columns = tables.runs[tables.runs.event == row.event], []
     columns = [name for name in runs.columns if name.startswith("velocity_") and "_error_" in name and "3d" not in name]
     first, second = (runs[runs.case == case].sort_values("run_number")[columns].to_numpy() for case in tables.labels)
-    factor = tables.people["velocity", "3d"][1]
+    factor = tables.display_units["velocity", "3d"][1]
     assert row.difference_rms == pytest.approx(factor * np.sqrt(np.mean(np.sum((second - first) ** 2, axis=1))))
     assert row.difference_ratio == pytest.approx(row.difference_rms / min(row.first_rms, row.second_rms))
 
@@ -142,7 +142,7 @@ def test_draws_that_explain_nothing_cost_little():
     rng = np.random.default_rng(5)
     found = [controlled_rms(rng.standard_normal((N, 3)), rng.standard_normal((N, M))) for _ in range(300)]
     assert np.mean([one.effective_runs for one in found]) > 0.9 * N
-    assert np.mean([one.known for one in found]) < 0.15
+    assert np.mean([one.explained_share for one in found]) < 0.15
 
 
 def test_results_give_the_plain_and_the_controlled_error_side_by_side(good):

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from lvnav_trade.results.evaluation import METRICS
-from lvnav_trade.results.evaluation.satellite_tracking import _recovery_values, reacquisition_times, values_of
+from lvnav_trade.results.evaluation.satellite_tracking import _recovery_values, reacquisition_times, signal_values
 
 
 def test_satellites_vanish_during_the_outage(good):
@@ -131,7 +131,7 @@ def test_a_fault_up_to_the_end_of_the_flight_has_no_recovery(sky):
 
 def test_the_change_of_a_delay_is_that_of_one_satellite_within_the_bounds_of_elevation_and_altitude(good):
     case = next(iter(good.labels))
-    rows = values_of(good, case, "troposphere_change", ("20 deg", "30 deg"), ("1 km", "5 km"))
+    rows = signal_values(good, case, "troposphere_change", ("20 deg", "30 deg"), ("1 km", "5 km"))
     sky = good.satellites[(good.satellites.case == case) & good.satellites.tracked]
     truth = good.reference[good.reference.case == case]
     chosen = []

@@ -60,7 +60,7 @@ def test_intervals_of_the_ends_hold_the_truth_in_95_of_100_samples(tmp_path) -> 
     for _ in range(600):
         x = rng.uniform(-1.0, 1.0, 150)
         y = 0.7 * x + rng.standard_normal(150) * (0.1 + 0.5 * (x + 1.0) ** 2)
-        away, half = _Regression((x - x.mean())[:, None], y).at(np.array([1.0]))
+        away, half = _Regression((x - x.mean())[:, None], y).linear_combination(np.array([1.0]))
         inside += abs(away - 0.7) <= half
     assert 550 <= inside <= 588
 

@@ -56,7 +56,7 @@ def test_a_velocity_error_on_a_circular_orbit_costs_what_the_closed_form_says(di
     """Infinitesimal and in plane: V/2 max(|da/a|, |de|); radially de = dv/V, along da/a = de = 2 dv/V; V di across."""
     r_i, v_i = circular()
     error = np.concatenate([axes(r_i, v_i)[direction], np.zeros(3)])
-    found = impulses.least_at(r_i, v_i, error)
+    found = impulses.least_state_correction(r_i, v_i, error)
     assert found.delta_v[0] == pytest.approx(expected, rel=6e-3)
     assert found.bound[0] <= expected * (1.0 + 1e-9)
 
@@ -65,15 +65,17 @@ def test_an_error_of_height_is_corrected_by_two_impulses():
     """dr at one place: da/a = 2 dr/a, de = dr/a: V/2 * 2 dr/a = V dr/a, by the same closed form."""
     r_i, v_i = circular()
     error = np.concatenate([np.zeros(3), 1000.0 * unit(r_i)])
-    assert impulses.least_at(r_i, v_i, error).delta_v[0] == pytest.approx(SPEED * 1000.0 / RADIUS, rel=6e-3)
+    assert impulses.least_state_correction(r_i, v_i, error).delta_v[0] == pytest.approx(
+        SPEED * 1000.0 / RADIUS, rel=6e-3
+    )
 
 
 def test_an_error_along_the_orbit_alone_is_no_error_of_the_orbit():
     """Later by one second is the same orbit: nothing is to be corrected."""
     r_i, v_i = eccentric(0.3)
     pull = -GM * r_i / np.linalg.norm(r_i) ** 3
-    late = np.concatenate([pull, v_i])
-    assert impulses.least_at(r_i, v_i, late).delta_v[0] < 1e-9 * np.linalg.norm(pull)
+    one_second_later = np.concatenate([pull, v_i])
+    assert impulses.least_state_correction(r_i, v_i, one_second_later).delta_v[0] < 1e-9 * np.linalg.norm(pull)
 
 
 @pytest.mark.parametrize("e", [0.0, 0.02, 0.73])
@@ -90,7 +92,7 @@ def test_the_least_sum_is_that_of_a_linear_programme_in_the_plane(e):
         equal = plane.reshape(3, -1)
         scale = np.abs(equal).max(axis=1)
         solved = linprog(np.ones(equal.shape[1]), A_eq=equal / scale[:, None], b_eq=goal[2:] / scale)
-        found = impulses.least_at(r_i, v_i, state)
+        found = impulses.least_state_correction(r_i, v_i, state)
         assert found.bound[0] <= solved.fun * (1.0 + 1e-6)
         assert found.delta_v[0] == pytest.approx(solved.fun, rel=7e-3)
 
@@ -98,7 +100,10 @@ def test_the_least_sum_is_that_of_a_linear_programme_in_the_plane(e):
 def test_the_bounds_enclose_the_least_sum_to_half_a_percent_and_grow_with_the_error():
     r_i, v_i = eccentric(0.02)
     error = np.random.default_rng(4).standard_normal((300, 6)) * ([0.3] * 3 + [30.0] * 3)
-    found, double = impulses.least_at(r_i, v_i, error), impulses.least_at(r_i, v_i, 2.0 * error)
+    found, double = (
+        impulses.least_state_correction(r_i, v_i, error),
+        impulses.least_state_correction(r_i, v_i, 2.0 * error),
+    )
     assert np.all(found.delta_v - found.bound <= 5.1e-3 * found.delta_v)
     assert np.all(found.bound <= found.delta_v)
     np.testing.assert_allclose(double.delta_v, 2.0 * found.delta_v, rtol=1e-9)
@@ -106,5 +111,5 @@ def test_the_bounds_enclose_the_least_sum_to_half_a_percent_and_grow_with_the_er
 
 def test_no_error_costs_nothing_and_a_fall_has_no_correction():
     r_i, v_i = circular()
-    assert impulses.least_at(r_i, v_i, np.zeros(6)).delta_v[0] == 0.0
-    assert np.isnan(impulses.least_at(r_i, 0.05 * v_i, np.ones(6)).delta_v[0])
+    assert impulses.least_state_correction(r_i, v_i, np.zeros(6)).delta_v[0] == 0.0
+    assert np.isnan(impulses.least_state_correction(r_i, 0.05 * v_i, np.ones(6)).delta_v[0])

@@ -62,7 +62,7 @@ def test_the_share_of_empty_stages_is_that_of_the_gaussian():
 
 @pytest.mark.parametrize(("changes", "reason"), [
     ({}, ""),
-    ({"why": "no reference flight"}, "no reference flight"),
+    ({"reason": "no reference flight"}, "no reference flight"),
     ({"mean": np.append(np.zeros(7), [503.0, 8.0])}, "empty stage"),
     ({"second_order": np.full(9, 1e4)}, "second order"),
 ])  # fmt: skip

@@ -15,7 +15,7 @@ from lvnav_trade.quantities.frames import (
 )
 from lvnav_trade.results.evaluate import errors_at
 from lvnav_trade.results.mechanics import mission_errors, orbits, stored_states
-from lvnav_trade.results.metrics.mission import MISSION, expected_at
+from lvnav_trade.results.metrics.mission import MISSION, mean_and_covariance_at
 from lvnav_trade.results.statistics.case_tables import CaseTables
 from lvnav_trade.results.tables.read import load
 from tests import mission as flights
@@ -51,7 +51,7 @@ def state_of(tables):
 
 def test_a_bias_is_resolved_to_a_millionth_of_its_sigma():
     bias, sigma = np.array([1e-15, -1e-15, 0.1234567, -3.0]), np.array([2.0, 2.0, 1.0, 0.0])
-    found = mission_errors.resolved(bias, sigma)
+    found = mission_errors.round_bias(bias, sigma)
     np.testing.assert_array_equal(found[:2], 0.0)
     assert not np.signbit(found[:2]).any()
     np.testing.assert_allclose(found[2:], [0.123457, -3.0], rtol=1e-12)
@@ -94,7 +94,7 @@ def drawn(orbit):
 @pytest.mark.parametrize("metric", [name for name in MISSION if "correction" not in name and "impact" not in name])
 def test_the_first_order_covariance_is_that_of_many_draws(orbit, drawn, metric):
     found = drawn[metric] if drawn[metric].ndim == 2 else drawn[metric][:, None]
-    mean, covariance = expected_at(CaseTables(orbit, flights.CASE), "injection", metric)
+    mean, covariance = mean_and_covariance_at(CaseTables(orbit, flights.CASE), "injection", metric)
     sigma = np.sqrt(np.diag(covariance))
     np.testing.assert_allclose(found.std(axis=0), sigma, rtol=0.015)  # 6 standard errors and the second order
     np.testing.assert_allclose(found.mean(axis=0), mean, atol=0.02 * sigma.max())
@@ -104,7 +104,7 @@ def test_the_first_order_covariance_of_an_impact_is_that_of_many_draws(fall):
     state, law = state_of(fall), stored_states.law_at(fall, flights.CASE, "injection")
     drawn = np.random.default_rng(6).multivariate_normal(law.mean, law.true, 40_000)
     found = np.concatenate([mission_errors.impact_errors(state, part) for part in np.array_split(drawn, 20)])
-    mean, covariance = expected_at(CaseTables(fall, flights.CASE), "injection", "impact_error")
+    mean, covariance = mean_and_covariance_at(CaseTables(fall, flights.CASE), "injection", "impact_error")
     sigma = np.sqrt(np.diag(covariance))
     np.testing.assert_allclose(np.cov(found.T) / np.outer(sigma, sigma), covariance / np.outer(sigma, sigma), atol=0.03)
     np.testing.assert_allclose(found.mean(axis=0), mean, atol=0.03 * sigma.max())
@@ -121,20 +121,24 @@ def test_sobols_draws_have_the_mean_and_the_covariance(orbit):
 
 def test_perigee_has_no_first_order_sigma_where_the_orbit_is_circular(circular, tmp_path):
     """The osculating orbit is circular, its mean is not (J2): only errors of a thousandth make it so."""
-    assert expected_at(CaseTables(circular, flights.CASE), "injection", "perigee_error") is not None
+    assert mean_and_covariance_at(CaseTables(circular, flights.CASE), "injection", "perigee_error") is not None
     found = load(flights.results(tmp_path, flights.CIRCULAR, n_run=0, factor=40.0))
-    reason = expected_at(CaseTables(found, flights.CASE), "injection", "perigee_error")
+    reason = mean_and_covariance_at(CaseTables(found, flights.CASE), "injection", "perigee_error")
     assert isinstance(reason, str)
     assert reason.startswith("the orbit is circular to within 3 sigma")
-    assert not isinstance(expected_at(CaseTables(found, flights.CASE), "injection", "eccentricity_vector_error"), str)
-    assert not isinstance(expected_at(CaseTables(found, flights.CASE), "injection", "semi_major_axis_error"), str)
+    assert not isinstance(
+        mean_and_covariance_at(CaseTables(found, flights.CASE), "injection", "eccentricity_vector_error"), str
+    )
+    assert not isinstance(
+        mean_and_covariance_at(CaseTables(found, flights.CASE), "injection", "semi_major_axis_error"), str
+    )
 
 
 @pytest.mark.parametrize("metric", [name for name in MISSION if "impact" not in name])
 def test_runs_have_errors_of_every_metric_and_a_failed_one_is_infinite(orbit, metric):
     found = errors_at(orbit, flights.CASE, "injection", metric)
-    assert found.size.shape == (200,)
-    assert np.flatnonzero(np.isinf(found.size)).tolist() == [3]
+    assert found.magnitude.shape == (200,)
+    assert np.flatnonzero(np.isinf(found.magnitude)).tolist() == [3]
     assert found.unit == MISSION[metric].unit
 
 
@@ -147,22 +151,22 @@ def test_the_errors_of_runs_are_those_of_the_assumed_orbit(orbit):
     np.testing.assert_allclose(error[7, :3], state.turn @ north_east_down, rtol=1e-12)
     believed = orbits.mean(state.r_i - error[7, 3:], state.v_i - error[7, :3])
     true = orbits.mean(state.r_i, state.v_i)
-    size = errors_at(orbit, flights.CASE, "injection", "perigee_error").size[7]
+    size = errors_at(orbit, flights.CASE, "injection", "perigee_error").magnitude[7]
     assert size == pytest.approx(abs(float(true.perigee - believed.perigee)), rel=1e-12)
 
 
 def test_a_flight_that_reaches_orbit_has_no_impact_and_a_fall_has_no_orbit(orbit, fall):
-    assert np.isinf(errors_at(orbit, flights.CASE, "injection", "impact_error").size).all()
-    assert expected_at(CaseTables(orbit, flights.CASE), "injection", "impact_error") == "not defined there"
-    assert np.isinf(errors_at(fall, flights.CASE, "injection", "perigee_error").size).all()
-    assert expected_at(CaseTables(fall, flights.CASE), "injection", "perigee_error") == "no closed orbit"
-    assert errors_at(fall, flights.CASE, "injection", "impact_error_cross").size.max() < 1e4
+    assert np.isinf(errors_at(orbit, flights.CASE, "injection", "impact_error").magnitude).all()
+    assert mean_and_covariance_at(CaseTables(orbit, flights.CASE), "injection", "impact_error") == "not defined there"
+    assert np.isinf(errors_at(fall, flights.CASE, "injection", "perigee_error").magnitude).all()
+    assert mean_and_covariance_at(CaseTables(fall, flights.CASE), "injection", "perigee_error") == "no closed orbit"
+    assert errors_at(fall, flights.CASE, "injection", "impact_error_cross").magnitude.max() < 1e4
 
 
 def test_a_correction_is_a_size_and_no_gaussian(orbit):
-    found = expected_at(CaseTables(orbit, flights.CASE), "injection", "correction_delta_v")
+    found = mean_and_covariance_at(CaseTables(orbit, flights.CASE), "injection", "correction_delta_v")
     assert found == "a sum of impulses is no linear function of the error"
-    size = errors_at(orbit, flights.CASE, "injection", "correction_delta_v").size
+    size = errors_at(orbit, flights.CASE, "injection", "correction_delta_v").magnitude
     assert 0.0 < np.median(size) < 1.0
 
 

@@ -24,7 +24,7 @@ CASE = synthetic.CASES[0][0].id
 ROOT = Path(__file__).parents[3]
 
 
-class Prepared:
+class PreparedCase:
     """What `CaseArrays` reads of a prepared case."""
 
     outputs = synthetic.OUTPUTS
@@ -43,8 +43,8 @@ def test_a_run_that_is_not_injected_has_an_infinite_error(guided, metric, unit, 
     found = metric_of(metric).errors(CaseTables(guided, CASE), {"metric": metric, "at": "injection"})
     quantity = metric.removeprefix("injection_").removesuffix("_error")
     wanted = CaseTables(guided, CASE).injections(quantity)
-    np.testing.assert_allclose(found.size[:6], np.abs(wanted.error[:6]))
-    assert np.all(np.isinf(found.size[6:]))
+    np.testing.assert_allclose(found.magnitude[:6], np.abs(wanted.error[:6]))
+    assert np.all(np.isinf(found.magnitude[6:]))
     assert metric_of(metric).value(guided, CASE, {"metric": metric}, unit).monte_carlo == np.inf
 
 
@@ -52,15 +52,15 @@ def test_the_eccentricity_vector_is_the_length_of_both_parts(guided):
     metric = metric_of("injection_eccentricity_vector_error")
     case = CaseTables(guided, CASE)
     parts = [case.injections(name).error for name in ("eccentricity_along_node", "eccentricity_ahead_of_node")]
-    np.testing.assert_allclose(metric.errors(case, {}).size[:6], np.hypot(*parts)[:6])
-    assert metric.bounded_as == "norm"
+    np.testing.assert_allclose(metric.errors(case, {}).magnitude[:6], np.hypot(*parts)[:6])
+    assert metric.bound_type == "norm"
 
 
 def test_depletion_cutoff_and_propellant(guided):
     share = metric_of("depletion").value(guided, CASE, {}, "-")
     assert share.monte_carlo == pytest.approx(1.0 / 8.0)
     np.testing.assert_array_equal(
-        metric_of("depletion").errors(CaseTables(guided, CASE), {}).size, [0.0] * 6 + [1.0, np.inf]
+        metric_of("depletion").errors(CaseTables(guided, CASE), {}).magnitude, [0.0] * 6 + [1.0, np.inf]
     )
     assert metric_of("cutoff_time").value(guided, CASE, {}, "s").monte_carlo == pytest.approx(
         np.mean(500.0 + np.arange(6))
@@ -70,35 +70,35 @@ def test_depletion_cutoff_and_propellant(guided):
 
 
 def test_the_law_of_a_number_is_its_gaussian_with_every_source(guided):
-    found = metric_of("injection_inclination_error").law(CaseTables(guided, CASE), {})
+    found = metric_of("injection_inclination_error").distribution(CaseTables(guided, CASE), {})
     k = ORBIT.index("inclination")
     assert found.law.mean == pytest.approx([0.1 * SIZES[k]])
     assert found.law.covariance[0, 0] == pytest.approx(sum(share**2 for share in SOURCES.values()) * SIZES[k] ** 2)
     assert found.law.sources["thrust"][0, 0] == pytest.approx(SIZES[k] ** 2)
-    vector = metric_of("injection_eccentricity_vector_error").law(CaseTables(guided, CASE), {})
+    vector = metric_of("injection_eccentricity_vector_error").distribution(CaseTables(guided, CASE), {})
     assert vector.law.covariance.shape == (2, 2)
 
 
 @pytest.mark.parametrize(("changes", "reason"), [
-    ({"why": "no reference flight"}, "no reference flight"),
+    ({"reason": "no reference flight"}, "no reference flight"),
     ({"mean": np.append(np.zeros(7), [503.0, 8.0])}, "empty stage"),
     ({"second_order": np.full(9, 1e4)}, "second order"),
 ])  # fmt: skip
 def test_linear_covariance_says_why_it_does_not_hold(changes, reason):
-    case = CaseArrays(Prepared(), synthetic.covariance()._replace(injection=law(**changes)))
+    case = CaseArrays(PreparedCase(), synthetic.covariance()._replace(injection=law(**changes)))
     for name in ("injection_inclination_error", "injection_perigee_error", "depletion", "extra_propellant"):
-        assert reason in metric_of(name).law(case, {})
+        assert reason in metric_of(name).distribution(case, {})
 
 
 def test_depletion_and_propellant_by_linear_covariance(guided):
     case, share = CaseTables(guided, CASE), np.linalg.norm(list(SOURCES.values()))
     wanted = norm.sf(60.0 / (5.0 * share))
     assert metric_of("depletion").value(guided, CASE, {}, "-").true == pytest.approx(wanted)
-    assert metric_of("depletion").law(case, {}).drawn.mean() == pytest.approx(wanted, abs=1.0 / 2**15)
-    extra = metric_of("extra_propellant").law(case, {}).drawn
+    assert metric_of("depletion").distribution(case, {}).sample.mean() == pytest.approx(wanted, abs=1.0 / 2**15)
+    extra = metric_of("extra_propellant").distribution(case, {}).sample
     assert np.quantile(extra, 0.9987) == pytest.approx(norm.ppf(0.9987) * 5.0 * share, rel=0.01)
     assert np.mean(extra == 0.0) == pytest.approx(0.5, abs=1e-3)
-    flown = metric_of("extra_propellant").errors(case, {}).size
+    flown = metric_of("extra_propellant").errors(case, {}).magnitude
     np.testing.assert_allclose(flown[:6], 60.0 - 10.0 * np.arange(6))
     assert np.all(np.isinf(flown[6:]))
     assert metric_of("cutoff_time").value(guided, CASE, {}, "s").true == pytest.approx(503.0)
@@ -115,7 +115,7 @@ def test_arrays_and_tables_have_the_same_runs(guided):
     block = synthetic.block(cov, 0, 8)._replace(injections=rows())
     summary = summarise(block, synthetic.EVENTS, cov.true_sigma, synthetic.OUTPUTS)
 
-    mine = CaseArrays(Prepared(), cov, summary).injections("apogee")
+    mine = CaseArrays(PreparedCase(), cov, summary).injections("apogee")
     stored = CaseTables(guided, CASE).injections("apogee")
     for one, other in zip(mine, stored, strict=True):
         np.testing.assert_array_equal(one, other)
@@ -134,9 +134,9 @@ def test_a_requirement_on_the_injection_asks_for_a_guided_ascent(tmp_path):
 
 
 def test_no_window_is_sought_around_a_number_of_the_cut_off():
-    assert metric_of("injection_perigee_error").once_a_run
-    assert metric_of("depletion").once_a_run
-    assert not metric_of("perigee_error").once_a_run
+    assert metric_of("injection_perigee_error").has_single_value
+    assert metric_of("depletion").has_single_value
+    assert not metric_of("perigee_error").has_single_value
 
 
 def test_the_end_of_a_flight_is_not_told_where_linear_covariance_does_not_hold():

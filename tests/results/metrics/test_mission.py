@@ -7,7 +7,13 @@ import pytest
 
 from lvnav_trade.results.evaluate import evaluate
 from lvnav_trade.results.mechanics.mission_errors import ElementEpochs
-from lvnav_trade.results.metrics.mission import MISSION, drawn_at, epochs_of, expected_at, sizes_at
+from lvnav_trade.results.metrics.mission import (
+    MISSION,
+    epochs_of,
+    magnitude_sample_at,
+    mean_and_covariance_at,
+    sizes_at,
+)
 from lvnav_trade.results.statistics.case_tables import CaseTables
 from lvnav_trade.results.tables.read import load
 from tests import mission as flights
@@ -31,13 +37,13 @@ def test_the_value_is_the_root_mean_square_of_the_sizes_of_the_runs(orbit):
 
 def test_the_law_is_the_first_order_gaussian_or_says_why_there_is_none(orbit):
     case = CaseTables(orbit, flights.CASE)
-    mean, covariance = expected_at(case, "injection", "perigee_error")
-    found = MISSION["perigee_error"].law(case, PERIGEE)
-    assert (found.label_unit, found.label_factor, found.moment) == ("km", 1e-3, "injection")
+    mean, covariance = mean_and_covariance_at(case, "injection", "perigee_error")
+    found = MISSION["perigee_error"].distribution(case, PERIGEE)
+    assert (found.label_unit, found.label_factor, found.event_or_time) == ("km", 1e-3, "injection")
     assert (found.law.mean.tolist(), found.law.covariance.tolist()) == (mean.tolist(), covariance.tolist())
-    correction = MISSION["correction_delta_v"].law(case, {"at": "injection"})
+    correction = MISSION["correction_delta_v"].distribution(case, {"at": "injection"})
     assert correction == "a sum of impulses is no linear function of the error"
-    assert drawn_at(case, "injection", "inclination_error") is None
+    assert magnitude_sample_at(case, "injection", "inclination_error") is None
 
 
 def test_a_statement_chooses_kind_and_epochs_of_the_elements(orbit):

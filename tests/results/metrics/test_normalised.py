@@ -34,8 +34,8 @@ def test_the_normalised_error_of_a_run_is_the_root_of_its_nees_per_axis(good):
     sigma = synthetic.SIGMA[:3] * (1.0 + 0.01 * synthetic.EVENTS["injection"])
     size = np.sqrt(np.mean((errors.drop(columns="failure").to_numpy() / sigma) ** 2, axis=1))
     lost = (errors.failure != "").to_numpy()
-    assert found.size[~lost] == pytest.approx(size[~lost], rel=1e-9)
-    assert np.isinf(found.size[lost]).all()
+    assert found.magnitude[~lost] == pytest.approx(size[~lost], rel=1e-9)
+    assert np.isinf(found.magnitude[lost]).all()
     assert lost.sum() == 1
     assert found.unit == "sigma"
 
@@ -63,7 +63,7 @@ def test_a_covariance_without_an_inverse_has_no_normalised_error(good):
     found = good.with_frames(covariances=rows.assign(formal_si2=0.0 * rows.formal_si2))
     metric = find("normalised_velocity_error")
     assert metric.errors(CaseTables(found, CASE), STATED) is None
-    assert metric.law(CaseTables(found, CASE), STATED) == NO_LAW
+    assert metric.distribution(CaseTables(found, CASE), STATED) == NO_LAW
 
 
 def test_a_normalised_error_is_of_an_event_and_has_its_own_unit():

@@ -39,7 +39,7 @@ def test_a_requirement_on_a_level_holds_in_every_run_that_does_not_fail(good):
     case, tables = with_protection_levels(good)
     runs = tables.runs[tables.runs.case == case].drop_duplicates("run_number")
     found = errors_of(tables, case, {**LEVEL, "below": "20 m"})
-    assert len(found.size) == len(runs)
-    assert (found.size == pytest.approx(9.0 * BOX)) or np.isinf(found.size).any()
-    assert np.isinf(found.size).sum() == (runs.failure != "").sum()
+    assert len(found.magnitude) == len(runs)
+    assert (found.magnitude == pytest.approx(9.0 * BOX)) or np.isinf(found.magnitude).any()
+    assert np.isinf(found.magnitude).sum() == (runs.failure != "").sum()
     assert errors_of(good, case, {**LEVEL, "below": "20 m"}) is None

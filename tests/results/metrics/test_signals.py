@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from lvnav_trade.results.evaluate import evaluate, evaluate_single
-from lvnav_trade.results.evaluation.satellite_tracking import values_of
+from lvnav_trade.results.evaluation.satellite_tracking import signal_values
 from tests import synthetic
 
 CASE = "aaaaaaaaaaaa"
@@ -29,7 +29,7 @@ def test_what_signals_show_is_a_true_number(good):
 
 def test_the_change_of_a_delay_has_a_largest_value_and_an_altitude_where_it_is(good):
     found = evaluate(good, CASE, {"metric": "troposphere_change", "during": "flight", "statistic": "worst"}, "mm")
-    every = values_of(good, CASE, "troposphere_change")
+    every = signal_values(good, CASE, "troposphere_change")
     assert found.true == pytest.approx(1e3 * every.value.max())
     peak = evaluate(good, CASE, {"metric": "troposphere_change_height", "during": "flight"}, "km")
     assert peak.true == pytest.approx(every.height[every.value.idxmax()] / 1e3)

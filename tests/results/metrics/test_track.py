@@ -43,14 +43,14 @@ def orbit(tmp_path_factory):
 
 def test_a_covariance_turned_by_an_angle_has_the_variance_of_the_textbook():
     c, s = np.cos(ANGLE), np.sin(ANGLE)
-    law = find("velocity_along_track_error").law(Turned(), ALONG).law
+    law = find("velocity_along_track_error").distribution(Turned(), ALONG).law
     assert law.covariance[0, 0] == pytest.approx((c * 0.3) ** 2 + (s * 0.1) ** 2, rel=1e-14)
     assert law.mean[0] == pytest.approx(c * 0.02 + s * -0.01, rel=1e-14)
     assert law.sources["gyro"][0, 0] == pytest.approx(c**2 * 0.04, rel=1e-14)
 
 
 def test_across_the_track_is_along_the_normal_of_position_and_velocity():
-    law = find("velocity_across_track_error").law(Turned(), ACROSS).law
+    law = find("velocity_across_track_error").distribution(Turned(), ACROSS).law
     assert law.covariance[0, 0] == pytest.approx(0.2**2, rel=1e-14)  # r x v is along minus z
     assert law.mean[0] == pytest.approx(-0.05, rel=1e-14)
 
@@ -65,7 +65,7 @@ def test_the_runs_have_the_components_of_their_errors_in_frame_i(orbit):
         found = evaluate(orbit, flights.CASE, stated, "cm/s")
         np.testing.assert_allclose(np.sqrt(found.runs[~failed]), 100.0 * np.abs(component[~failed]), rtol=1e-9)
         assert np.isinf(found.runs[failed]).all()
-        size = find(stated["metric"]).errors(CaseTables(orbit, flights.CASE), stated).size
+        size = find(stated["metric"]).errors(CaseTables(orbit, flights.CASE), stated).magnitude
         np.testing.assert_allclose(size[~failed], np.abs(component[~failed]), rtol=1e-9)
         mean = evaluate(orbit, flights.CASE, {**stated, "statistic": "mean"}, "m/s")
         np.testing.assert_allclose(mean.runs[~failed], component[~failed], rtol=1e-9)
@@ -92,7 +92,7 @@ def test_a_requirement_on_it_has_a_verdict_by_runs_and_by_linear_covariance(orbi
     found = orbit.with_frames()
     requirement = Requirement.model_validate(stated).model_dump(mode="json")
     found.__dict__["campaign"] = {**orbit.campaign, "requirements": [requirement]}
-    law = find("velocity_along_track_error").law(CaseTables(orbit, flights.CASE), ALONG)
+    law = find("velocity_along_track_error").distribution(CaseTables(orbit, flights.CASE), ALONG)
     assert expected_verdicts(found).estimate[0] == pytest.approx(1.65 * np.sqrt(law.law.covariance[0, 0]), rel=0.05)
     assert set(verdicts(found).verdict) == {"met"}
     assert unevaluated(found).reason.tolist() == ["the metric is known at events only"]

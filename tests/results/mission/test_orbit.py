@@ -10,7 +10,7 @@ from lvnav_trade.quantities.frames import state_from_elements
 from lvnav_trade.results.evaluate import errors_at
 from lvnav_trade.results.evaluation import METRICS
 from lvnav_trade.results.mechanics import orbits
-from lvnav_trade.results.metrics.mission import drawn_at, expected_at
+from lvnav_trade.results.metrics.mission import magnitude_sample_at, mean_and_covariance_at
 from lvnav_trade.results.mission.orbit import QUANTITIES, mardia, orbital_states
 from lvnav_trade.results.statistics.case_tables import CaseTables
 from lvnav_trade.results.statistics.probability import norm_quantile
@@ -87,7 +87,7 @@ def test_runs_and_linear_covariance_agree_on_the_quantiles(reported):
 
 def test_the_quantiles_are_those_of_the_runs_errors(reported):
     tables, found = reported
-    size = errors_at(tables, flights.CASE, "injection", "correction_delta_v").size
+    size = errors_at(tables, flights.CASE, "injection", "correction_delta_v").magnitude
     assert found.loc["Monte Carlo", "q99"] == pytest.approx(np.quantile(size[np.isfinite(size)], 0.99), rel=1e-12)
 
 
@@ -124,11 +124,11 @@ def test_the_perigee_of_a_circular_orbit_gets_a_verdict_by_draws_and_runs_agree(
 
 def test_far_from_circular_draws_give_the_quantile_of_the_first_order(reached):
     """Where the perigee is linear in the error, the draws reproduce the Gaussian quantile."""
-    drawn = drawn_at(CaseTables(reached, CASE), "injection", "perigee_error")
-    mean, covariance = expected_at(CaseTables(reached, CASE), "injection", "perigee_error")
+    drawn = magnitude_sample_at(CaseTables(reached, CASE), "injection", "perigee_error")
+    mean, covariance = mean_and_covariance_at(CaseTables(reached, CASE), "injection", "perigee_error")
     for probability in (0.9, 0.9973):
         assert np.quantile(drawn, probability) == pytest.approx(norm_quantile(mean, covariance, probability), rel=0.02)
-    assert drawn_at(CaseTables(reached, CASE), "injection", "correction_delta_v") is None
+    assert magnitude_sample_at(CaseTables(reached, CASE), "injection", "correction_delta_v") is None
 
 
 def test_elements_of_an_ellipse_are_gaussian_and_the_perigee_of_a_circle_is_not(reached, tmp_path):

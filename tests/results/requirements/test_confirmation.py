@@ -38,32 +38,32 @@ def run(folder, imu="tactical_fog", filter="filters/tight", faults="[]", axes="[
 
 
 @pytest.fixture(scope="module")
-def late(tmp_path_factory):
+def late_fix(tmp_path_factory):
     """The first fix after 160 s of free drift: with 0.05 deg of heading linear covariance holds, with 10 deg not."""
     axes = '[{path: initial.heading, values: ["0.05 deg", "10 deg"], labels: [small, large]}]'
     return run(tmp_path_factory.mktemp("late"), faults=LATE, axes=axes)
 
 
-def test_a_late_first_fix_with_a_large_heading_error_is_not_confirmed(late):
-    found = METRICS["expected_verdicts"](late.tables).set_index("case")
+def test_a_late_first_fix_with_a_large_heading_error_is_not_confirmed(late_fix):
+    found = METRICS["expected_verdicts"](late_fix.tables).set_index("case")
     assert found.verdict.to_dict() == {"heading=small": "met", "heading=large": NOT_CONFIRMED}
     assert "spot check of 32 runs" in found.reason["heading=large"]
-    assert late.requirements.set_index("case").verdict["heading=large"] == NOT_CONFIRMED
-    assert late.exit_code == api.UNDECIDED
+    assert late_fix.requirements.set_index("case").verdict["heading=large"] == NOT_CONFIRMED
+    assert late_fix.exit_code == api.UNDECIDED
 
 
-def test_the_page_does_not_say_met_of_a_case_that_is_not_confirmed(late):
-    first = summary(late.tables)
+def test_the_page_does_not_say_met_of_a_case_that_is_not_confirmed(late_fix):
+    first = summary(late_fix.tables)
     said = " ".join(block.text for block in first if hasattr(block, "text"))
     assert "1 of 2 designs meets the requirement; 1 is not confirmed." in said
-    text = " ".join(block.text for block in first + answers(late.tables) if hasattr(block, "text"))
+    text = " ".join(block.text for block in first + answers(late_fix.tables) if hasattr(block, "text"))
     assert "heading=large: not confirmed, spot check of 32 runs" in text
     assert "heading=large: met" not in text
-    assert "heading=large" not in set(METRICS["improvements"](late.tables).case)
+    assert "heading=large" not in set(METRICS["improvements"](late_fix.tables).case)
 
 
-def test_the_chances_of_a_case_in_which_linear_covariance_holds_are_those_of_equal_laws(late):
-    frame = METRICS["spot_check"](late.tables)
+def test_the_chances_of_a_case_in_which_linear_covariance_holds_are_those_of_equal_laws(late_fix):
+    frame = METRICS["spot_check"](late_fix.tables)
     held = frame[(frame.case == "heading=small") & (frame.unit != "")]
     assert {"injection", "fairing_separation"} < set(held.event)
     assert held.event.str.startswith("first measurement at").any()

@@ -14,9 +14,9 @@ from lvnav_trade.results.requirements.improvements import (
     ABOVE_ONLY,
     RequirementCase,
     _improvement,
-    asked,
-    expected,
+    evaluate_stored_requirement,
     improvements,
+    lincov_verdicts,
 )
 from lvnav_trade.results.statistics.probability import norm_probability, norm_quantile
 from lvnav_trade.results.tables.read import load
@@ -27,7 +27,7 @@ AT_END = 1.0 + 0.01 * 99.5  # growth of the sigmas of the fine unit at injection
 
 
 def test_the_expected_probability_is_that_of_the_gaussian_of_the_case(good):
-    row = expected(good).set_index(["requirement", "case"]).loc["tight bound", "imu=fine"]
+    row = lincov_verdicts(good).set_index(["requirement", "case"]).loc["tight bound", "imu=fine"]
     sigma, mean = AT_END * synthetic.SIGMA[6:9], AT_END * synthetic.MEAN[6:9]
     assert row.expected_probability == pytest.approx(norm_probability(mean, np.diag(sigma**2), 4.0), abs=1e-9)
     assert row.verdict == "violated"
@@ -59,7 +59,7 @@ def test_a_gate_that_rejects_too_much_takes_the_verdict_away(tmp_path):
     tables = load(synthetic.results(tmp_path, n_run=0, rejects=0.03))
     assert why_not_applicable(tables, "aaaaaaaaaaaa")
     assert why_not_applicable(tables, "aaaaaaaaaaaa") == "the gate rejects 3 % of good rows at 51 s"
-    assert set(expected(tables).verdict) == {"not applicable"}
+    assert set(lincov_verdicts(tables).verdict) == {"not applicable"}
     assert improvements(tables).empty
 
 
@@ -81,25 +81,32 @@ def stated(tmp_path, *requirements, n_run=80):
 
 
 def test_at_an_event_it_is_the_gaussian_of_the_event(good):
-    found = asked(good, BOUND | {"at": "stage1_cutoff"}, FINE)
+    found = evaluate_stored_requirement(good, BOUND | {"at": "stage1_cutoff"}, FINE)
     np.testing.assert_allclose(found.distribution.law.covariance, np.diag((1.4 * synthetic.SIGMA[6:9]) ** 2))
     np.testing.assert_allclose(found.distribution.law.mean, 1.4 * synthetic.MEAN[6:9])
-    assert (found.bound, found.unit, found.distribution.above_only) == (4.0, "m", False)
+    assert (found.bound, found.unit, found.distribution.is_upper_limit) == (4.0, "m", False)
 
 
 def test_over_a_phase_it_is_that_of_the_worst_event(good):
-    found = asked(good, BOUND | {"during": "liftoff to injection"}, FINE)
-    assert (found.distribution.moment, found.distribution.above_only) == ("injection", True)
+    found = evaluate_stored_requirement(good, BOUND | {"during": "liftoff to injection"}, FINE)
+    assert (found.distribution.event_or_time, found.distribution.is_upper_limit) == ("injection", True)
     np.testing.assert_array_equal(
-        found.distribution.law.covariance, asked(good, BOUND, FINE).distribution.law.covariance
+        found.distribution.law.covariance, evaluate_stored_requirement(good, BOUND, FINE).distribution.law.covariance
     )
-    assert asked(good, BOUND | {"during": "start to stage1_cutoff"}, FINE).distribution.moment == "stage1 cutoff"
+    assert (
+        evaluate_stored_requirement(good, BOUND | {"during": "start to stage1_cutoff"}, FINE).distribution.event_or_time
+        == "stage1 cutoff"
+    )
 
 
 def test_one_axis_is_looked_at_at_every_time(good):
-    found = asked(good, BOUND | {"metric": "position_error_north", "during": "liftoff to injection"}, FINE)
-    assert found.distribution.moment == "injection"
-    between = asked(good, BOUND | {"metric": "position_error_north", "during": "start to end"}, FINE)
+    found = evaluate_stored_requirement(
+        good, BOUND | {"metric": "position_error_north", "during": "liftoff to injection"}, FINE
+    )
+    assert found.distribution.event_or_time == "injection"
+    between = evaluate_stored_requirement(
+        good, BOUND | {"metric": "position_error_north", "during": "start to end"}, FINE
+    )
     assert between.distribution.law.covariance[0, 0] >= found.distribution.law.covariance[0, 0]
 
 
@@ -111,7 +118,7 @@ def test_the_probability_at_the_worst_moment_bounds_that_of_the_phase(good):
     drawn = cov.mean[within, 6:9] + cov.true_sigma[within, 6:9] * rng.standard_normal((2000, within.sum(), 3))
     worst = np.linalg.norm(drawn, axis=2).max(axis=1)
     for bound in (20.0, 40.0, 60.0):
-        found = asked(good, BOUND | {"below": f"{bound} m", "during": "flight"}, FINE)
+        found = evaluate_stored_requirement(good, BOUND | {"below": f"{bound} m", "during": "flight"}, FINE)
         kept = norm_probability(found.distribution.law.mean, found.distribution.law.covariance, bound)
         assert np.mean(worst < bound) <= kept + 3.0 * np.sqrt(kept * (1.0 - kept) / 2000) + 1e-12
 
@@ -122,7 +129,7 @@ def test_a_phase_is_violated_or_not_applicable_by_linear_covariance_never_met(tm
         "{name: tight, metric: position_error_3d, during: liftoff to injection, probability: 0.9, below: 4 m}",
         "{name: loose, metric: position_error_3d, during: flight, probability: 0.9, below: 200 m}",
     )
-    found = expected(tables).set_index(["requirement", "case"])
+    found = lincov_verdicts(tables).set_index(["requirement", "case"])
     assert tuple(found.loc[("tight", "imu=fine"), ["verdict", "reason"]]) == ("violated", "already at injection")
     assert tuple(found.loc[("loose", "imu=fine"), ["verdict", "reason"]]) == ("not applicable", ABOVE_ONLY)
     better = improvements(tables).set_index(["requirement", "case"])
@@ -133,20 +140,22 @@ def test_a_phase_is_violated_or_not_applicable_by_linear_covariance_never_met(tm
 
 
 def test_numbers_of_the_mission_are_asked_of_position_and_velocity_together(good):
-    impact = asked(good, {"name": "x", "metric": "impact_error", "probability": 0.9, "below": "1 km"}, FINE)
+    impact = evaluate_stored_requirement(
+        good, {"name": "x", "metric": "impact_error", "probability": 0.9, "below": "1 km"}, FINE
+    )
     assert (impact.distribution.law.mean.shape, impact.bound, impact.unit) == ((2,), 1000.0, "km")
     perigee = {"name": "x", "metric": "perigee_error", "probability": 0.9, "below": "1 km"}
-    assert asked(good, perigee, FINE) == "no closed orbit"
+    assert evaluate_stored_requirement(good, perigee, FINE) == "no closed orbit"
 
 
 def test_an_error_that_is_not_held_is_said_so(good):
-    assert asked(good, BOUND | {"metric": "heading_error_3d"}, FINE) == NO_LAW
-    assert asked(good, BOUND | {"at": "kick"}, FINE) == NO_LAW
-    assert asked(good, BOUND | {"during": "kick to injection"}, FINE) == NO_LAW
+    assert evaluate_stored_requirement(good, BOUND | {"metric": "heading_error_3d"}, FINE) == NO_LAW
+    assert evaluate_stored_requirement(good, BOUND | {"at": "kick"}, FINE) == NO_LAW
+    assert evaluate_stored_requirement(good, BOUND | {"during": "kick to injection"}, FINE) == NO_LAW
 
 
 def test_one_component_is_the_normal_law(good):
-    found = asked(good, BOUND | {"metric": "position_error_north"}, FINE)
+    found = evaluate_stored_requirement(good, BOUND | {"metric": "position_error_north"}, FINE)
     sigma = 1.995 * synthetic.SIGMA[6]
     expected_kept = stats.norm.cdf(4.0 / sigma) - stats.norm.cdf(-4.0 / sigma)
     assert norm_probability(found.distribution.law.mean, found.distribution.law.covariance, 4.0) == pytest.approx(
@@ -164,7 +173,7 @@ def perigee(below):
     for name, value in CIRCULAR.items():
         target[INJECTION.index(name)] = value
     injection = injection._replace(target=target)
-    distribution = metric_of("injection_perigee_error").distribution(injection)
+    distribution = metric_of("injection_perigee_error").injection_distribution(injection)
     assert distribution.redraw is not None
     return RequirementCase(distribution, below, 0.9), injection
 
@@ -175,7 +184,7 @@ def test_the_improvement_of_a_perigee_near_a_circular_orbit_is_that_of_independe
     source, factor, share, remark = _improvement(found)
     assert remark == ""
     assert 0.05 < factor < 1.0
-    assert found.kept((source,), factor) == pytest.approx(0.9, abs=2e-3)
+    assert found.success_probability((source,), factor) == pytest.approx(0.9, abs=2e-3)
 
     def kept(factor_of):
         at = [INJECTION.index(name) for name in ("semi_major_axis", *CIRCULAR)]
@@ -193,7 +202,7 @@ def test_the_improvement_of_a_perigee_near_a_circular_orbit_is_that_of_independe
 
 
 def test_shares_of_a_gaussian_add_up_to_the_part_of_its_covariance(good):
-    found = asked(good, good.campaign["requirements"][0], next(iter(good.labels)))
+    found = evaluate_stored_requirement(good, good.campaign["requirements"][0], next(iter(good.labels)))
     if isinstance(found, str):
         pytest.fail(found)
     law_of = found.distribution.law

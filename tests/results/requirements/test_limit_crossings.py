@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from lvnav_trade.results.evaluation import METRICS
-from lvnav_trade.results.requirements.limit_crossings import base_level, crossed, numeric_axes
+from lvnav_trade.results.requirements.limit_crossings import base_level, find_crossings, numeric_axes
 from lvnav_trade.results.tables.read import load
 from tests import synthetic
 
@@ -70,9 +70,9 @@ def test_a_curve_crosses_its_limit_where_the_error_that_grows_with_the_axis_reac
 
 def test_a_curve_that_comes_back_has_two_crossings_and_what_is_not_finite_none():
     x = np.arange(4.0)
-    assert [one[2] for one in crossed(x, np.array([1.0, 3.0, 1.0, 1.0]), 2.0)] == [0.5, 1.5]
-    assert not list(crossed(x, np.array([1.0, np.inf, np.nan, 1.5]), 2.0))
-    assert not list(crossed(x, np.ones(4), 2.0))
+    assert [one[2] for one in find_crossings(x, np.array([1.0, 3.0, 1.0, 1.0]), 2.0)] == [0.5, 1.5]
+    assert not list(find_crossings(x, np.array([1.0, np.inf, np.nan, 1.5]), 2.0))
+    assert not list(find_crossings(x, np.ones(4), 2.0))
 
 
 def test_numbers_are_numbers_in_every_csv_table(numeric):

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from lvnav_trade.results.evaluation import METRICS
-from lvnav_trade.results.requirements.margins import key_cases, worst, worst_runs
+from lvnav_trade.results.requirements.margins import key_cases, severest_verdict, worst_runs
 from lvnav_trade.results.requirements.requirements import errors_of
 from lvnav_trade.results.tables.read import load
 from tests import synthetic
@@ -38,13 +38,13 @@ def test_cases_that_decide_are_the_worst_the_binding_and_the_best(flown, monkeyp
     frame = METRICS["margins"](flown)
     sizes = {"a": -0.5, "b": 0.1, "c": 0.3, "d": 0.9}
     made = frame.iloc[[0] * 4].assign(case=list(sizes), margin_ratio=list(sizes.values()))
-    monkeypatch.setattr("lvnav_trade.results.requirements.margins._unchecked", lambda tables: made)
+    monkeypatch.setattr("lvnav_trade.results.requirements.margins._margins_without_check", lambda tables: made)
     assert key_cases(flown) == {"a": "worst", "b": "binding", "d": "best"}
 
 
 def test_the_worst_verdict_counts():
     frame = pd.Series(["met", "not confirmed", "undecided"])
-    assert worst(frame) == "not confirmed"
+    assert severest_verdict(frame) == "not confirmed"
 
 
 def test_the_worst_run_of_a_requirement_has_the_largest_error_of_its_case(flown):
@@ -52,5 +52,5 @@ def test_the_worst_run_of_a_requirement_has_the_largest_error_of_its_case(flown)
     assert set(found.case.map(flown.labels)) == set(key_cases(flown))
     for row in found.itertuples():
         errors = errors_of(flown, row.case, stated[row.requirement])
-        assert row.error == pytest.approx(errors.size.max() * errors.label_factor, rel=1e-12)
-        assert errors.size[row.run_number] == errors.size.max()
+        assert row.error == pytest.approx(errors.magnitude.max() * errors.label_factor, rel=1e-12)
+        assert errors.magnitude[row.run_number] == errors.magnitude.max()

@@ -7,19 +7,19 @@ import pytest
 from scipy import stats
 
 from lvnav_trade.results.evaluation import METRICS
-from lvnav_trade.results.metric import where
+from lvnav_trade.results.metric import event_or_phase
 from lvnav_trade.results.requirements.requirements import (
     boundaries,
     decide,
     decide_fixed,
+    error_spending,
     errors_of,
     further_runs,
-    spent,
-    unselected,
+    unselected_cases,
     with_unit,
 )
 from lvnav_trade.results.statistics.case_tables import CaseTables
-from lvnav_trade.results.statistics.probability import runs_needed, shows
+from lvnav_trade.results.statistics.probability import is_demonstrated, runs_needed
 from tests import synthetic
 
 ASKED = [(0.9, 0.9), (0.95, 0.9), (0.99, 0.95), (0.9973, 0.9)]
@@ -68,8 +68,8 @@ def test_what_a_campaign_does_not_select_is_decided_by_linear_covariance_where_i
     card = {**good.campaign["monte_carlo"], "selected": {"imu": "coarse"}}
     chosen.__dict__["campaign"] = {**good.campaign, "monte_carlo": card}
     before, after = (METRICS["requirements"](one).set_index(["requirement", "case"]) for one in (good, chosen))
-    assert unselected(chosen) == ["imu=fine"]
-    assert unselected(good) == []
+    assert unselected_cases(chosen) == ["imu=fine"]
+    assert unselected_cases(good) == []
     rare = after.loc[("rare", "imu=fine")]
     assert (rare.verdict, rare.by) == ("met", "LinCov")
     margins = METRICS["margins"](chosen).set_index(["requirement", "case"])
@@ -97,19 +97,19 @@ def test_a_phase_is_checked_on_the_largest_error_of_each_run_within(good, during
     expected = np.linalg.norm(runs.err[:, within, 3:6], axis=2).max(axis=1)
     expected[3] = np.inf  # the run that failed
     found = errors_of(good, "aaaaaaaaaaaa", PHASE | {"during": during})
-    np.testing.assert_allclose(found.size, expected, rtol=1e-12)
+    np.testing.assert_allclose(found.magnitude, expected, rtol=1e-12)
     assert (found.unit, found.label_unit) == ("m/s", "m/s")
-    assert where(PHASE | {"during": during}) == during
+    assert event_or_phase(PHASE | {"during": during}) == during
 
 
 def test_the_worst_of_the_flight_is_no_better_than_any_event(good):
-    flight = errors_of(good, "bbbbbbbbbbbb", PHASE | {"during": "flight"}).size
+    flight = errors_of(good, "bbbbbbbbbbbb", PHASE | {"during": "flight"}).magnitude
     for event in ("liftoff", "stage1_cutoff", "injection"):
-        assert (flight >= errors_of(good, "bbbbbbbbbbbb", PHASE | {"at": event}).size).all()
+        assert (flight >= errors_of(good, "bbbbbbbbbbbb", PHASE | {"at": event}).magnitude).all()
 
 
 def test_a_phase_between_unknown_events_has_no_run(good):
-    assert not len(errors_of(good, "aaaaaaaaaaaa", PHASE | {"during": "kick to injection"}).size)
+    assert not len(errors_of(good, "aaaaaaaaaaaa", PHASE | {"during": "kick to injection"}).magnitude)
     assert errors_of(good, "aaaaaaaaaaaa", PHASE | {"metric": "heading_error_3d", "during": "flight"}) is None
 
 
@@ -139,7 +139,7 @@ def test_a_look_as_if_it_were_the_only_one_would_be_wrong_more_often(probability
     runs = 40 * np.arange(1, 41)
     most = stats.binom.ppf(1.0 - confidence, runs, 1.0 - probability)
     most -= stats.binom.cdf(most, runs, 1.0 - probability) > 1.0 - confidence
-    assert most[9] < 0 or shows(400, int(most[9]), probability, confidence)
+    assert most[9] < 0 or is_demonstrated(400, int(most[9]), probability, confidence)
     failures = histories(probability, 2000, 40)
     assert (failures <= most).any(axis=1).mean() > 1.5 * (1.0 - confidence)
 
@@ -156,13 +156,13 @@ def test_the_probability_of_ever_crossing_is_that_of_the_exact_recursion():
         edge = np.array(crossed)[:, None, None, None]
         ever = (sums <= edge) if sign < 0 else (sums >= edge)
         used = float(weight[ever.any(axis=0)].sum())
-        assert used <= spent(3 * block, probability, confidence) + 1e-12
+        assert used <= error_spending(3 * block, probability, confidence) + 1e-12
         nearer = (
             (sums <= edge + (np.arange(3) == 2)[:, None, None, None])
             if sign < 0
             else (sums >= edge - (np.arange(3) == 2)[:, None, None, None])
         )
-        assert float(weight[nearer.any(axis=0)].sum()) > spent(3 * block, probability, confidence)
+        assert float(weight[nearer.any(axis=0)].sum()) > error_spending(3 * block, probability, confidence)
 
 
 @pytest.mark.parametrize(("truth", "verdict"), [(0.999, "met"), (0.9, "violated")])
@@ -199,7 +199,7 @@ def test_nothing_is_decided_before_the_first_look():
 
 
 def test_all_of_the_error_is_spent_in_the_end_and_never_more():
-    used = [spent(n, 0.95, 0.9) for n in (0, 45, 450, 10**9)]
+    used = [error_spending(n, 0.95, 0.9) for n in (0, 45, 450, 10**9)]
     assert used[0] == 0.0
     assert used[1] == pytest.approx(0.05)
     assert used == sorted(used)

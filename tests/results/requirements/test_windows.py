@@ -8,7 +8,7 @@ import pytest
 from scipy import stats
 
 from lvnav_trade.campaign.definition.schema import Requirement
-from lvnav_trade.results.requirements.improvements import expected
+from lvnav_trade.results.requirements.improvements import lincov_verdicts
 from lvnav_trade.results.requirements.windows import quantiles_of_runs, unevaluated, windows
 from lvnav_trade.results.statistics.probability import norm_quantile
 from lvnav_trade.results.tables.read import Tables
@@ -105,7 +105,7 @@ def test_a_normalised_error_is_evaluated_at_the_stored_states(alone):
 def test_a_number_of_the_orbit_at_its_event_is_that_of_the_verdict(alone):
     """And later the one of the state there: the errors grow with time."""
     asked = asking(alone, metric="impact_error_cross", below="1 km", window={"before": "0 s", "after": "10 s"})
-    found, verdict = windows(asked).set_index("case"), expected(asked).set_index("case")
+    found, verdict = windows(asked).set_index("case"), lincov_verdicts(asked).set_index("case")
     for case in verdict.index:
         assert found.loc[case].estimate == pytest.approx(verdict.loc[case].estimate, rel=1e-6)
         assert found.loc[case].worst > found.loc[case].estimate

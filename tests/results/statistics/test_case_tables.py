@@ -22,7 +22,7 @@ def test_units_axes_and_events_are_those_of_the_tables(case):
 
 
 def test_errors_of_a_failed_run_are_infinite_sizes(case):
-    errors, failed = case.errors("injection", "velocity"), case.failed("injection")
+    errors, failed = case.errors("injection", "velocity"), case.has_failed("injection")
     assert np.flatnonzero(failed).tolist() == np.flatnonzero(case.failed_runs()).tolist() == [3]
     size = case.sizes("injection", "velocity", "3d")
     np.testing.assert_allclose(size[~failed], np.linalg.norm(errors[~failed], axis=1), rtol=1e-9)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from lvnav_trade.covariance.injection_covariance import by_part
-from lvnav_trade.results.statistics.case_tables import law_in
+from lvnav_trade.covariance.injection_covariance import merge_sources
+from lvnav_trade.results.statistics.case_tables import stored_injection_law
 from lvnav_trade.results.tables.read import load
 from tests import synthetic
 from tests.injections import law, with_injections
@@ -15,12 +15,12 @@ CASE = synthetic.CASES[0][0].id
 
 def test_a_law_that_was_stored_comes_back(tmp_path):
     plain = load(synthetic.results(tmp_path / "guided", n_run=8, size=8))
-    assert law_in(plain, CASE) is None
-    mine, stored = law(), law_in(with_injections(plain), CASE)
+    assert stored_injection_law(plain, CASE) is None
+    mine, stored = law(), stored_injection_law(with_injections(plain), CASE)
     for name in ("reference", "target", "mean", "covariance"):
         np.testing.assert_allclose(getattr(stored, name), getattr(mine, name), rtol=1e-12)
     assert (stored.sources, stored.n_navigation) == (mine.sources, mine.n_navigation)
     np.testing.assert_allclose(stored.knowledge.sum(axis=0), mine.knowledge.sum(axis=0))
-    together = by_part(mine)
+    together = merge_sources(mine)
     assert together.sources == ("navigation", "vehicle")
     np.testing.assert_allclose(together.covariance.sum(axis=0), mine.covariance.sum(axis=0))

@@ -7,7 +7,7 @@ import math
 import pytest
 
 from lvnav_trade.quantities.units import parse
-from lvnav_trade.results.statistics.display_units import in_people
+from lvnav_trade.results.statistics.display_units import display_text
 
 
 @pytest.mark.parametrize(
@@ -35,11 +35,13 @@ from lvnav_trade.results.statistics.display_units import in_people
     ],
 )
 def test_a_quantity_is_written_in_the_unit_of_a_data_sheet(sheet: str, unit: str) -> None:
-    assert in_people(f"{parse(sheet, unit)!r} {unit}") == sheet
+    assert display_text(f"{parse(sheet, unit)!r} {unit}") == sheet
 
 
 def test_settings_and_lists_are_written_by_their_first_parts() -> None:
-    found = in_people({"name": "x", "kind": "cosine", "peak": f"{math.pi!r} rad", "assumed": {"peak": "y"}, "of": None})
+    found = display_text(
+        {"name": "x", "kind": "cosine", "peak": f"{math.pi!r} rad", "assumed": {"peak": "y"}, "of": None}
+    )
     assert found == "kind cosine, peak 180 deg"
-    assert in_people(["1.0 m", "2.0 m", "3.0 m", "4.0 m", "5.0 m", "6.0 m"]) == "1 m, 2 m, 3 m, 4 m and 2 more"
-    assert in_people(None) == ""
+    assert display_text(["1.0 m", "2.0 m", "3.0 m", "4.0 m", "5.0 m", "6.0 m"]) == "1 m, 2 m, 3 m, 4 m and 2 more"
+    assert display_text(None) == ""

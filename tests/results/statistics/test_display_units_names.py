@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 
 from lvnav_trade.imu.array import ImuSet
-from lvnav_trade.results.statistics.display_units import _NAMELESS, case_names, named
+from lvnav_trade.results.statistics.display_units import _NAMELESS, case_names, with_case_names
 from lvnav_trade.results.tables.read import Tables
 
 IMU = {"labels": ["fog", "mems"], "values": [{"name": "Fibre-optic gyro"}, {"name": "MEMS gyro"}]}
@@ -22,7 +22,7 @@ def tables(axes: dict[str, Any], levels: list[dict[str, str]]) -> Tables:
         "label": [", ".join(f"{axis}={level}" for axis, level in one.items()) for one in levels],
         "axes": [json.dumps(one) for one in levels],
     }
-    found = Tables.of({}, {"axes": [{"path": name, **axis} for name, axis in axes.items()]})
+    found = Tables.from_arrow({}, {"axes": [{"path": name, **axis} for name, axis in axes.items()]})
     return found.with_frames(cases=pd.DataFrame(rows))
 
 
@@ -31,7 +31,7 @@ def test_a_case_is_named_by_its_cards():
         {"imu": IMU, "filter": FILTER}, [{"imu": "fog", "filter": "loose"}, {"imu": "mems", "filter": "tight"}]
     )
     assert list(case_names(found).values()) == ["Fibre-optic gyro · Loose coupling", "MEMS gyro · Tight coupling"]
-    assert list(named(found).labels.values()) == list(case_names(found).values())
+    assert list(with_case_names(found).labels.values()) == list(case_names(found).values())
 
 
 def test_an_axis_with_one_level_among_the_cases_does_not_distinguish_them():
@@ -64,4 +64,4 @@ def test_an_array_of_imus_that_is_written_in_the_campaign_has_no_title():
 def test_labels_stay_where_the_user_gave_them_or_names_do_not_distinguish(axis):
     found = tables({"imu": axis}, [{"imu": label} for label in axis["labels"]])
     assert list(case_names(found).values()) == list(found.labels.values())
-    assert named(found) is found
+    assert with_case_names(found) is found

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from lvnav_trade.results.statistics.case_tables import CaseTables
-from lvnav_trade.results.statistics.gaussian import formal_covariance, gaussian, least_kept
+from lvnav_trade.results.statistics.gaussian import formal_covariance, gaussian, worst_time_gaussian
 from tests import synthetic
 
 CASE = "aaaaaaaaaaaa"
@@ -33,8 +33,8 @@ def test_the_filter_of_matched_results_assumes_what_is_true(good):
 
 
 def test_the_worst_moment_of_a_growing_error_is_the_end_of_the_phase(good):
-    law, at = least_kept(CaseTables(good, CASE), "velocity", "north", "liftoff to injection", 0.2)
+    law, at = worst_time_gaussian(CaseTables(good, CASE), "velocity", "north", "liftoff to injection", 0.2)
     sigma = synthetic.SIGMA[3] * (1.0 + 0.01 * synthetic.EVENTS["injection"])
     assert law.covariance[0, 0] == pytest.approx(sigma**2, rel=1e-9)
     assert at == "injection"
-    assert least_kept(CaseTables(good, CASE), "velocity", "north", "liftoff to touchdown", 0.2) is None
+    assert worst_time_gaussian(CaseTables(good, CASE), "velocity", "north", "liftoff to touchdown", 0.2) is None

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lvnav_trade.results.statistics.per_run import of_each, per_run, select_times, signed
+from lvnav_trade.results.statistics.per_run import per_run, run_values, select_times, signed_run_errors
 from lvnav_trade.results.statistics.select import history_of
 from lvnav_trade.results.tables.read import load
 from tests import synthetic
@@ -28,11 +28,11 @@ def test_an_event_is_one_row_and_a_phase_those_between_its_ends(good):
 
 
 def test_errors_of_runs_have_their_sign_and_sizes_have_none(good):
-    errors = signed(good, CASE, NORTH, "m/s")
-    np.testing.assert_array_equal(np.abs(errors), of_each(good, CASE, NORTH, "m/s"))
+    errors = signed_run_errors(good, CASE, NORTH, "m/s")
+    np.testing.assert_array_equal(np.abs(errors), run_values(good, CASE, NORTH, "m/s"))
     assert (errors < 0.0).any()
     assert np.flatnonzero(np.isinf(errors)).tolist() == [3]
-    assert not len(signed(good, CASE, NORTH | {"during": "flight"}, "m/s"))
+    assert not len(signed_run_errors(good, CASE, NORTH | {"during": "flight"}, "m/s"))
 
 
 def test_a_phase_between_events_has_a_number_of_every_run_and_another_has_none(good):

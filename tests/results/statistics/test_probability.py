@@ -8,11 +8,11 @@ from scipy import stats
 
 from lvnav_trade.results.statistics.probability import (
     holm,
+    is_demonstrated,
     norm_probability,
     norm_quantile,
     rms_interval,
     runs_needed,
-    shows,
     success_bounds,
 )
 
@@ -33,8 +33,8 @@ def test_runs_needed_reproduce_the_exact_binomial_table(probability):
 
 
 def test_one_run_less_than_needed_does_not_show_it():
-    assert shows(852, 0, 0.9973, 0.9)
-    assert not shows(851, 0, 0.9973, 0.9)
+    assert is_demonstrated(852, 0, 0.9973, 0.9)
+    assert not is_demonstrated(851, 0, 0.9973, 0.9)
 
 
 def test_lower_bound_without_failures_is_the_root_of_the_remaining_doubt():
@@ -45,7 +45,7 @@ def test_lower_bound_without_failures_is_the_root_of_the_remaining_doubt():
 def test_bound_and_needed_runs_agree_at_every_count():
     for failures in range(4):
         for runs in range(failures + 1, 250):
-            assert (success_bounds(runs, failures, 0.9)[0] >= 0.95) == shows(runs, failures, 0.95, 0.9)
+            assert (success_bounds(runs, failures, 0.9)[0] >= 0.95) == is_demonstrated(runs, failures, 0.95, 0.9)
 
 
 def test_the_rms_interval_is_the_known_one():

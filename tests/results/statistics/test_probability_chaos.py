@@ -7,7 +7,7 @@ import pytest
 from scipy import stats
 
 from lvnav_trade.campaign.reading.spaced import points
-from lvnav_trade.results.statistics.probability import basis, fitted, fitted_indices, predicted
+from lvnav_trade.results.statistics.probability import basis, fit_polynomials, fitted_indices, predicted_variance_share
 
 
 def designs(n: int, d: int) -> np.ndarray:
@@ -15,7 +15,7 @@ def designs(n: int, d: int) -> np.ndarray:
 
 
 def found(u: np.ndarray, value: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    first, whole = fitted_indices(fitted(u, value)[None], u.shape[1])
+    first, whole = fitted_indices(fit_polynomials(u, value)[None], u.shape[1])
     return first[0], whole[0]
 
 
@@ -27,7 +27,7 @@ def test_a_product_has_the_indices_of_its_closed_form() -> None:
     first, total = found(u, np.exp(u @ a))
     np.testing.assert_allclose(first, v / (whole - 1.0), atol=5e-3)
     np.testing.assert_allclose(total, v * whole / (1.0 + v) / (whole - 1.0), atol=5e-3)
-    assert predicted(u, np.exp(u @ a)) == pytest.approx(1.0, abs=1e-9)
+    assert predicted_variance_share(u, np.exp(u @ a)) == pytest.approx(1.0, abs=1e-9)
 
 
 def test_a_sum_of_variances_has_the_indices_of_the_closed_form_and_of_scipy() -> None:
@@ -38,7 +38,7 @@ def test_a_sum_of_variances_has_the_indices_of_the_closed_form_and_of_scipy() ->
     value = (2.0 ** (2.0 * u)) @ s
     for one in found(u, value):
         np.testing.assert_allclose(one, exact, atol=0.02)
-    assert predicted(u, value) > 0.99
+    assert predicted_variance_share(u, value) > 0.99
     even = [stats.uniform(-1.0, 2.0)] * 4
     sampled = stats.sobol_indices(func=lambda x: s @ 2.0 ** (2.0 * x), n=2**12, dists=even)
     np.testing.assert_allclose(sampled.first_order, exact, atol=0.02)
@@ -47,4 +47,4 @@ def test_a_sum_of_variances_has_the_indices_of_the_closed_form_and_of_scipy() ->
 def test_noise_is_not_predicted() -> None:
     assert len(basis(10)) == 76
     rng = np.random.default_rng(1)
-    assert predicted(designs(128, 4), np.exp(rng.normal(size=128))) < 0.3
+    assert predicted_variance_share(designs(128, 4), np.exp(rng.normal(size=128))) < 0.3

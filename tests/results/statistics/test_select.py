@@ -10,14 +10,14 @@ from lvnav_trade.quantities.state_layout import split_metric
 from lvnav_trade.results.evaluate import errors_at
 from lvnav_trade.results.evaluation.rms import rms
 from lvnav_trade.results.statistics.select import (
+    cache_result,
     cases_of,
     final_event,
-    in_units,
     instant,
-    once,
     phase,
     phases,
     time_mean,
+    with_display_units,
 )
 from lvnav_trade.results.tables.read import load
 
@@ -52,7 +52,7 @@ def test_the_errors_of_runs_are_sizes_in_si_and_a_failed_run_is_infinite(good):
     runs = good.runs[(good.runs.case == "aaaaaaaaaaaa") & (good.runs.event == "injection")]
     expected = runs.velocity_north_error_m_per_s.abs().to_numpy().copy()
     expected[3] = np.inf  # run 3 fails
-    np.testing.assert_array_equal(found.size, expected)
+    np.testing.assert_array_equal(found.magnitude, expected)
     assert found[1:] == ("m/s", "m/s", 1.0)
 
 
@@ -90,7 +90,7 @@ def test_the_mean_over_time_gives_uneven_steps_their_weight():
 def counted():
     calls = []
 
-    @once
+    @cache_result
     def metric(results, case="all"):
         calls.append(case)
         return pd.DataFrame({"case": [case]})
@@ -117,15 +117,15 @@ def test_a_caller_that_changes_its_frame_changes_nobody_elses(good):
 
 
 def test_units_for_people_may_be_others_and_the_numbers_follow(good):
-    other = in_units(good, {"attitude": "deg", "gyro_scale_factor": "%"})
-    assert other.people["attitude", "3d"] == ("deg", pytest.approx(np.degrees(1.0)))
-    assert other.people["velocity", "3d"] == good.people["velocity", "3d"]
-    assert good.people["attitude", "3d"][0] == "mrad"
+    other = with_display_units(good, {"attitude": "deg", "gyro_scale_factor": "%"})
+    assert other.display_units["attitude", "3d"] == ("deg", pytest.approx(np.degrees(1.0)))
+    assert other.display_units["velocity", "3d"] == good.display_units["velocity", "3d"]
+    assert good.display_units["attitude", "3d"][0] == "mrad"
     both = [rms(one).set_index(["case", "phase_or_event", "metric", "axis"]) for one in (good, other)]
     key = (good.labels["aaaaaaaaaaaa"], "injection", "attitude_error", "3d")
     assert both[1].rms[key] == pytest.approx(np.degrees(1e-3 * both[0].rms[key]))
     assert both[1].unit[key] == "deg"
-    assert in_units(good, {}) is good
+    assert with_display_units(good, {}) is good
 
 
 def test_cases_are_found_by_the_levels_of_their_axes(good):

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from lvnav_trade.quantities.errors import InputError
-from lvnav_trade.results.tables.contents import CONTENTS, owned
+from lvnav_trade.results.tables.contents import CONTENTS, owned_folder
 from lvnav_trade.results.tables.table_files import replace_file
 from lvnav_trade.results.tables.write import open_results
 from tests import synthetic
@@ -20,7 +20,7 @@ def tree(folder: Path) -> dict[str, bytes]:
 
 
 def kept(folder: Path, *names: str):
-    place = owned(folder, "report")
+    place = owned_folder(folder, "report")
     place.publish("report", {name: name for name in names})
     return place
 
@@ -29,7 +29,7 @@ def test_what_a_later_writing_has_not_is_removed_with_the_folder_that_is_empty_t
     kept(tmp_path / "a", "report.md", "figures/one.png", "old.csv")
     kept(tmp_path / "a", "report.md", "new.csv")
     assert set(tree(tmp_path / "a")) == {"report.md", "new.csv", CONTENTS}
-    assert owned(tmp_path / "a", "report").names == {"report.md", "new.csv"}
+    assert owned_folder(tmp_path / "a", "report").names == {"report.md", "new.csv"}
     assert not (tmp_path / "a" / "figures").exists()
 
 
@@ -38,7 +38,7 @@ def test_the_users_own_files_stay_and_are_not_replaced(tmp_path):
     (tmp_path / "rms.csv").write_text("mine")
     before = tree(tmp_path)
     with pytest.raises(InputError, match=r"rms\.csv: was not written by lvnav-trade; move it, or give another folder"):
-        owned(tmp_path, "report").claim("report", ["report.md", "rms.csv"])
+        owned_folder(tmp_path, "report").claim("report", ["report.md", "rms.csv"])
     assert tree(tmp_path) == before
 
 
@@ -93,7 +93,7 @@ def test_fresh_removes_what_the_list_names_and_nothing_else(tmp_path):
     results = open_results(tmp_path, "x", CAMPAIGN.replace("seed: 7", "seed: 8"), {}, "fresh")
     assert set(tree(tmp_path)) == {*own, CONTENTS, "manifest.json", "campaign.resolved.yaml"}
     assert all((tmp_path / name).read_text() == "mine" for name in own)
-    assert results.done("aaaaaaaaaaaa") == []
+    assert results.block_spans("aaaaaaaaaaaa") == []
 
 
 def test_blocks_of_runs_are_removed_and_nothing_else(tmp_path):
@@ -103,7 +103,7 @@ def test_blocks_of_runs_are_removed_and_nothing_else(tmp_path):
     mine.write_text("mine")
     blocks = {name for name in before if name.endswith("/0-8.parquet")}
     assert len(blocks) == 2
-    owned(tmp_path, "results").remove_blocks()
+    owned_folder(tmp_path, "results").remove_blocks()
     assert set(tree(tmp_path)) == before - blocks | {"parts/aaaaaaaaaaaa/notes.txt"}
 
 
@@ -116,14 +116,14 @@ def test_a_link_is_not_followed(tmp_path):
     (tmp_path / "a/figures").rmdir()
     (tmp_path / "a/figures").symlink_to(tmp_path / "photos")
     with pytest.raises(InputError, match="is a link, which is not followed"):
-        owned(tmp_path / "a", "report")
+        owned_folder(tmp_path / "a", "report")
     with pytest.raises(InputError, match="is a link, which is not followed"):
         place.publish("report", {})
     (tmp_path / "a/figures").unlink()
     (tmp_path / "a/report.md").unlink(missing_ok=True)
     (tmp_path / "a/report.md").symlink_to(tmp_path / "mine.md")
     with pytest.raises(InputError, match="is a link, which is not followed"):
-        owned(tmp_path / "a", "report").claim("report", ["report.md"])
+        owned_folder(tmp_path / "a", "report").claim("report", ["report.md"])
     replace_file(tmp_path / "a/report.md", "ours")
     assert (tmp_path / "photos/one.png").read_text() == (tmp_path / "mine.md").read_text() == "mine"
 
@@ -131,13 +131,13 @@ def test_a_link_is_not_followed(tmp_path):
 @pytest.mark.parametrize("name", ["../a.png", "/a.png", "figures/../../a.png", "", "a\0b"])
 def test_a_name_that_leads_out_of_the_folder_is_refused(tmp_path, name):
     with pytest.raises(InputError, match="leads out of the folder"):
-        owned(tmp_path / "a", "report").claim("report", [name])
+        owned_folder(tmp_path / "a", "report").claim("report", [name])
     assert not (tmp_path / "a").exists()
 
 
 def test_a_name_that_no_file_can_have_is_refused_in_a_short_line(tmp_path):
     with pytest.raises(InputError, match="is longer than 255 bytes") as refusal:
-        owned(tmp_path / "a", "report").claim("report", ["figures/" + "x" * 9_000])
+        owned_folder(tmp_path / "a", "report").claim("report", ["figures/" + "x" * 9_000])
     assert len(str(refusal.value)) < 400
 
 
@@ -145,14 +145,14 @@ def test_results_of_an_earlier_version_are_known_by_their_manifest(tmp_path):
     synthetic.results(tmp_path, n_run=8)
     (tmp_path / CONTENTS).unlink()
     (tmp_path / "report.md").write_text("of an earlier report")
-    assert owned(tmp_path, "results").listed("run")
-    place = owned(tmp_path, "results")
+    assert owned_folder(tmp_path, "results").listed_names("run")
+    place = owned_folder(tmp_path, "results")
     place.publish("report", {"report.md": "new"})
     assert (tmp_path / "report.md").read_text(encoding="utf-8") == "new"
     with pytest.raises(InputError, match="holds the results of a campaign, not a kept base"):
-        owned(tmp_path, "base")
+        owned_folder(tmp_path, "base")
     manifest = json.loads((tmp_path / "manifest.json").read_text())
-    assert manifest["cases"] == owned(tmp_path, "results").cases or manifest["cases"] == []
+    assert manifest["cases"] == owned_folder(tmp_path, "results").cases or manifest["cases"] == []
 
 
 def test_what_a_killed_process_left_half_written_is_removed_and_no_other_hidden_file(tmp_path):
@@ -163,7 +163,7 @@ def test_what_a_killed_process_left_half_written_is_removed_and_no_other_hidden_
     own = [tmp_path / ".notes.json.1", tmp_path / ".lock", parts / ".mine.parquet.1", tmp_path / ".runs.parquet"]
     for path in (*litter, *own):
         path.write_text("")
-    owned(tmp_path, "results").sweep()
+    owned_folder(tmp_path, "results").sweep()
     assert not any(path.exists() for path in litter)
     assert all(path.exists() for path in own)
 

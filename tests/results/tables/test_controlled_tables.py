@@ -16,7 +16,7 @@ def found() -> NozzleStatistics:
     return NozzleStatistics(
         t=np.arange(3.0), total=rng.uniform(size=(3, 4, 2, 2)),
         mean=rng.uniform(size=(3, 3, 2)), low=np.zeros((3, 3, 2)), high=np.ones((3, 3, 2)), turning=turning,
-        shown_t=np.arange(5.0), shown=rng.uniform(size=(5, 2, 4)),
+        bin_time=np.arange(5.0), bin_motion=rng.uniform(size=(5, 2, 4)),
     )  # fmt: skip
 
 
@@ -38,7 +38,7 @@ def test_phases_that_there_are_not_are_left_out():
 def test_motion_and_movement_are_by_axis():
     tables, missions = controlled_columns(found()), found()
     yaw = np.array(tables["motion_history"]["axis"]) == "yaw"
-    np.testing.assert_array_equal(tables["motion_history"]["jerk_m_per_s3"][yaw], missions.shown[:, 1, 2])
+    np.testing.assert_array_equal(tables["motion_history"]["jerk_m_per_s3"][yaw], missions.bin_motion[:, 1, 2])
     chosen = (np.array(tables["nozzle_travel_history"]["controller_rate"]) == "true") & (
         np.array(tables["nozzle_travel_history"]["axis"]) == "pitch"
     )

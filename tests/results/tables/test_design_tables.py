@@ -6,7 +6,7 @@ import numpy as np
 import pyarrow.parquet as pq
 
 from lvnav_trade.campaign.space.evaluate_designs import TEXTS, EvaluatedDesigns
-from lvnav_trade.results.tables.design_tables import earlier_table, impossible, passes, table_of
+from lvnav_trade.results.tables.design_tables import earlier_table, impossible_design_counts, passes, table_of
 
 
 def part(numbers: list[int], **columns: list[float]) -> EvaluatedDesigns:
@@ -28,7 +28,7 @@ def test_impossible_designs_are_counted_by_reason_the_most_frequent_first() -> N
     rows = part([0, 1, 2, 3])
     rows.texts["case"] = ("", "x", "", "")  # type: ignore[index]
     rows.texts["reason"] = ("seldom", "remark", "often", "often")  # type: ignore[index]
-    assert list(impossible(table_of([rows], "mine", 4)).items()) == [("often", 2), ("seldom", 1)]
+    assert list(impossible_design_counts(table_of([rows], "mine", 4)).items()) == [("often", 2), ("seldom", 1)]
 
 
 def test_a_table_is_kept_where_it_is_sound_and_of_the_same_question(tmp_path) -> None:

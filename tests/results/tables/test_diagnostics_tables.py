@@ -31,6 +31,6 @@ def test_contributions_to_a_norm_are_the_sum_over_its_axes(written):
 
 
 def test_without_an_explanation_only_the_covariances_have_rows(tmp_path):
-    assert list(diagnostics_rows(synthetic.prepared(), COV, None)) == ["covariances"]
+    assert list(diagnostics_rows(synthetic.prepared_case(), COV, None)) == ["covariances"]
     tables = load(synthetic.results(tmp_path, n_run=0, explained=False))
     assert {name for name in EXPLAINED if len(getattr(tables, name))} == {"covariances"}

@@ -14,7 +14,7 @@ from lvnav_trade.quantities.errors import InputError
 from lvnav_trade.report.build import build
 from lvnav_trade.report.compare import keep_base
 from lvnav_trade.results.comparison.comparison import compare
-from lvnav_trade.results.tables.contents import CONTENTS, MANIFEST, owned
+from lvnav_trade.results.tables.contents import CONTENTS, MANIFEST, owned_folder
 from lvnav_trade.results.tables.dictionary import COLUMNS_OF_VERSION_2, FEATURES, TABLES, TABLES_OF_VERSION_2
 from lvnav_trade.results.tables.read import load
 from lvnav_trade.results.tables.versions import RESULTS_VERSION
@@ -137,7 +137,7 @@ def test_a_campaign_does_not_resume_in_results_of_version_2_and_fresh_removes_th
 
 def test_a_folder_of_version_2_without_a_list_of_files_is_owned(earlier: Path) -> None:
     (earlier / CONTENTS).unlink()
-    owned(earlier, "results").clear()
+    owned_folder(earlier, "results").clear()
     assert not list(earlier.glob("*.parquet"))
 
 

@@ -21,10 +21,10 @@ COV = synthetic.covariance()
 
 
 def test_every_number_stands_in_its_row():
-    prepared = synthetic.prepared()
-    table = flight_columns(prepared, COV)["satellites"]
+    prepared_case = synthetic.prepared_case()
+    table = flight_columns(prepared_case, COV)["satellites"]
     at = 30 * synthetic.N_SAT + 5
-    sky, delays = prepared.sky, prepared.delays
+    sky, delays = prepared_case.sky, prepared_case.atmospheric_delays
     assert (table["t_s"][at], table["satellite"][at], table["system"][at]) == (31.0, "G06", "G")
     assert (table["antenna_number"][at], table["state"][at]) == (2, "track")
     for column, values in {
@@ -49,30 +49,32 @@ def test_delays_and_noise_are_those_of_measurements_alone(written):
 
 
 def test_satellites_that_are_down_and_without_a_channel_are_left_out():
-    made = synthetic.prepared()
-    elevation, state, tracked = made.sky.elevation.copy(), made.sky.state.copy(), made.sky.tracked.copy()
+    made = synthetic.prepared_case()
+    elevation, state, tracked = made.sky.elevation.copy(), made.sky.state.copy(), made.sky.is_tracked.copy()
     elevation[:, :3] = -0.2
     tracked[:, :2] = False
     state[:, 0], state[:, 1] = IDLE, LOST
-    sky = made.sky._replace(elevation=elevation, state=state, tracked=tracked)
+    sky = made.sky._replace(elevation=elevation, state=state, is_tracked=tracked)
     table = flight_columns(SimpleNamespace(**{**vars(made), "sky": sky}), COV)["satellites"]
     assert set(table["satellite"]) == {f"G{k:02d}" for k in range(2, 9)}
 
 
 def test_no_epoch_is_lost_where_nothing_is_up():
-    made = synthetic.prepared()
-    nothing = np.zeros_like(made.sky.tracked)
+    made = synthetic.prepared_case()
+    nothing = np.zeros_like(made.sky.is_tracked)
     sky = made.sky._replace(
-        elevation=made.sky.elevation - 3.0, tracked=nothing, state=np.zeros_like(made.sky.state), transitions=()
+        elevation=made.sky.elevation - 3.0, is_tracked=nothing, state=np.zeros_like(made.sky.state), transitions=()
     )
-    tables = flight_columns(SimpleNamespace(**{**vars(made), "sky": sky, "delays": Delays(*made.delays)}), COV)
+    tables = flight_columns(
+        SimpleNamespace(**{**vars(made), "sky": sky, "atmospheric_delays": Delays(*made.atmospheric_delays)}), COV
+    )
     assert len(tables["satellites"]["t_s"]) == synthetic.N_EPOCH
     assert set(tables["satellites"]["satellite"]) == {"G08"}
     assert tables["transitions"] == []
 
 
 def test_a_fast_receiver_is_stored_once_a_second():
-    made = synthetic.prepared()
+    made = synthetic.prepared_case()
     sky = made.sky._replace(t=made.sky.t / 10.0)
     table = flight_columns(SimpleNamespace(**{**vars(made), "sky": sky}), COV)["satellites"]
     np.testing.assert_allclose(np.unique(np.diff(np.unique(table["t_s"]))), 1.0)
@@ -112,16 +114,16 @@ def test_a_state_tells_how_the_reporting_axes_lie(written):
 def orbits(trajectory, rate):
     """Return the osculating and the averaged orbit that the tables have of the injection of a shipped ascent."""
     settings = (f"base.trajectory=trajectories/{trajectory}", f"base.imu.rate={rate}", "base.filter=filters/inertial")
-    prepared = ascent(*settings)
-    n_hist, n = prepared.t_hist.size, len(prepared.outputs)
+    prepared_case = ascent(*settings)
+    n_hist, n = prepared_case.t_hist.size, len(prepared_case.outputs)
     nothing = np.zeros((n_hist, n))
-    cov = COV._replace(t=prepared.t_hist, mean=nothing, true_cov=np.zeros((n_hist, n, n)),
+    cov = COV._replace(t=prepared_case.t_hist, mean=nothing, true_cov=np.zeros((n_hist, n, n)),
                        formal_cov=np.zeros((n_hist, n, n)))  # fmt: skip
-    found = state_columns(prepared, cov)["states"]
+    found = state_columns(prepared_case, cov)["states"]
     at = found["event"].index("injection")
     r_i, v_i = (np.array([found[f"{name}_{axis}_{unit}"][at] for axis in "xyz"])
                 for name, unit in (("position", "m"), ("velocity", "m_per_s")))  # fmt: skip
-    assert found["t_s"][at] == prepared.trajectory.events["injection"]
+    assert found["t_s"][at] == prepared_case.trajectory.events["injection"]
     return meanorbit.osculating(r_i, v_i), meanorbit.mean(r_i, v_i)
 
 
@@ -151,9 +153,9 @@ def test_the_joint_covariance_has_the_trace_of_the_history(written):
 
 
 def test_outputs_without_velocity_leave_the_tables_empty():
-    prepared = synthetic.prepared()
-    prepared.outputs = synthetic.OUTPUTS[:3]
-    found = flight_columns(prepared, COV)
+    prepared_case = synthetic.prepared_case()
+    prepared_case.outputs = synthetic.OUTPUTS[:3]
+    found = flight_columns(prepared_case, COV)
     assert found["states"] == found["joint_covariances"] == {}
 
 

@@ -64,7 +64,7 @@ def test_no_flipped_byte_among_the_numbers_of_a_table_gives_others(tmp_path):
     [("latin_hypercube", True), ("sobol", True), ("grid", False), ("box_behnken", False), ("one_at_a_time", False)],
 )
 def test_designs_that_are_drawn_at_random_are_a_sample(design, is_sampled):
-    assert Tables.of({}, {"design": design}).is_sampled == is_sampled
+    assert Tables.from_arrow({}, {"design": design}).is_sampled == is_sampled
 
 
 def test_a_torn_manifest_is_reported(tmp_path):

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from lvnav_trade.results.tables.read import PLACES, once, pick, pick_columns
+from lvnav_trade.results.tables.read import PLACES, cache_result, pick, pick_columns
 
 FRAME = pd.DataFrame(
     {
@@ -54,7 +54,7 @@ def test_a_frame_that_is_no_table_is_searched():
 def test_what_was_found_once_is_kept_by_words_and_handed_out_as_a_copy():
     tables, calls = SimpleNamespace(cache={}), []
 
-    @once
+    @cache_result
     def metric(tables, word):
         calls.append(word)
         return [word]

@@ -43,10 +43,10 @@ def the_same(one: Path, other: Path) -> bool:
 
 def test_what_is_copied_comes_back_byte_for_byte(results, store, tmp_path):
     assert remote.copy_to(results, store) > 20
-    assert the_same(results, remote.fetched(store, tmp_path / "back"))
+    assert the_same(results, remote.fetch_results(store, tmp_path / "back"))
     assert api.load(store).cases.equals(api.load(results).cases)
     with pytest.raises(InputError, match="is not empty"):
-        remote.fetched(store, tmp_path / "back")
+        remote.fetch_results(store, tmp_path / "back")
 
 
 def test_a_second_copy_removes_what_the_first_left_and_nothing_else(results, store):
@@ -81,7 +81,7 @@ def test_a_campaign_is_copied_when_it_is_done(store, tmp_path):
     command = ["run", "smoke", "--set", few[0], "--set", few[1], "--out", str(tmp_path / "out"), "--quiet"]
     done = call(*command, "--copy-to", store)
     assert done.exit_code in (0, 1, 3), done.output
-    assert the_same(tmp_path / "out", remote.fetched(store))
+    assert the_same(tmp_path / "out", remote.fetch_results(store))
     refused = call("run", "smoke", "--shard", "1/2", "--copy-to", store)
     assert refused.exit_code == 2
 
@@ -128,7 +128,7 @@ def test_results_go_to_a_real_server_of_s3_and_back(results, tmp_path, monkeypat
 
         s3fs.S3FileSystem().mkdir("designs")
         remote.copy_to(results, "s3://designs/team/demo")
-        assert the_same(results, remote.fetched("s3://designs/team/demo", tmp_path / "back"))
+        assert the_same(results, remote.fetch_results("s3://designs/team/demo", tmp_path / "back"))
         with pytest.raises(InputError, match=r"cannot be reached|no results here"):
             api.load("s3://no-such-bucket/demo")
     finally:

@@ -55,6 +55,6 @@ def test_where_a_piece_fails_no_file_appears_and_the_old_one_stays(tmp_path):
         pytest.raises(ValueError, match="damaged"),
         row_files(old.parent, numbers(0, 0)) as rows,
     ):
-        assert list(rows.noted(pieces(), lambda one: numbers(one, 200)))
+        assert list(rows.record_tables(pieces(), lambda one: numbers(one, 200)))
     assert [path.name for path in old.parent.iterdir()] == ["runs.arrow"]
     assert old.read_bytes() == before

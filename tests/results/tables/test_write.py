@@ -34,12 +34,12 @@ def table_bytes(folder):
 
 def test_a_damaged_part_is_reported_and_dropped(tmp_path, caplog):
     results = open_results(tmp_path, "x", CAMPAIGN, {})
-    results.write_part("c", part(0))
-    path = results.write_part("c", part(8))
+    results.write_block("c", part(0))
+    path = results.write_block("c", part(8))
     content = bytearray(path.read_bytes())
     content[len(content) // 2] ^= 0xFF
     path.write_bytes(content)
-    assert results.done("c") == [(0, 8)]
+    assert results.block_spans("c") == [(0, 8)]
     (message,) = caplog.messages
     assert "8-8.parquet" in message
     assert not path.exists()
@@ -47,17 +47,17 @@ def test_a_damaged_part_is_reported_and_dropped(tmp_path, caplog):
 
 def test_a_truncated_part_is_dropped(tmp_path):
     results = open_results(tmp_path, "x", CAMPAIGN, {})
-    path = results.write_part("c", part(0))
+    path = results.write_block("c", part(0))
     path.write_bytes(path.read_bytes()[:1000])
-    assert results.done("c") == []
+    assert results.block_spans("c") == []
 
 
 def test_parts_come_in_run_order_not_in_the_order_of_names(tmp_path):
     results = open_results(tmp_path, "x", CAMPAIGN, {})
     for first in (80, 8, 0):
-        results.write_part("c", part(first))
-    assert [p.first_run for p in results.parts("c")] == [0, 8, 80]
-    assert merge(results.parts("c")).n_run == 24
+        results.write_block("c", part(first))
+    assert [p.first_run for p in results.block_summaries("c")] == [0, 8, 80]
+    assert merge(results.block_summaries("c")).n_run == 24
 
 
 def test_fifty_runs_and_then_fifty_more_give_the_bytes_of_a_hundred(tmp_path, written):
@@ -134,7 +134,7 @@ def test_another_campaign_is_refused_and_fresh_starts_again(tmp_path):
         open_results(tmp_path, "synthetic", other, {})
     (tmp_path / "notes.txt").write_text("mine")
     results = open_results(tmp_path, "synthetic", other, {}, "fresh")
-    assert results.done("aaaaaaaaaaaa") == []
+    assert results.block_spans("aaaaaaaaaaaa") == []
     assert (tmp_path / "notes.txt").exists()
 
 
@@ -159,30 +159,30 @@ def test_parts_without_a_manifest_are_kept_only_where_they_are_of_this_campaign(
     synthetic.results(tmp_path, n_run=8)
     (tmp_path / "manifest.json").unlink()
     same = open_results(tmp_path, "synthetic", CAMPAIGN, {"seed": 7})
-    assert same.done("aaaaaaaaaaaa") == [(0, 8)]
+    assert same.block_spans("aaaaaaaaaaaa") == [(0, 8)]
     (tmp_path / "manifest.json").unlink()
     other = open_results(tmp_path, "synthetic", CAMPAIGN.replace("seed: 7", "seed: 8"), {"seed": 8})
-    assert other.done("aaaaaaaaaaaa") == []
+    assert other.block_spans("aaaaaaaaaaaa") == []
     assert "a part of another campaign, case or code" in caplog.text
 
 
 @pytest.mark.parametrize("stays", [True, False])
 def test_a_part_of_another_case_of_the_same_shape_is_dropped(tmp_path, stays, caplog):
     results = open_results(tmp_path, "x", CAMPAIGN, {"seed": 7})
-    ours, other = results.write_part("c", part(0)), results.write_part("d", part(0))
+    ours, other = results.write_block("c", part(0)), results.write_block("d", part(0))
     shutil.copyfile(other, ours)
     if not stays:
         other.unlink()
-    assert results.done("c") == []
+    assert results.block_spans("c") == []
     assert "c/0-8.parquet: a part of another campaign, case or code" in caplog.text
-    assert results.done("d") == ([(0, 8)] if stays else [])
-    results.write_part("c", part(0))
-    assert results.done("c") == [(0, 8)]
+    assert results.block_spans("d") == ([(0, 8)] if stays else [])
+    results.write_block("c", part(0))
+    assert results.block_spans("c") == [(0, 8)]
 
 
 @pytest.mark.parametrize("name", ["seed", "results", "runs", "case"])
 def test_a_part_says_what_it_is_of(tmp_path, name):
-    path = open_results(tmp_path, "x", CAMPAIGN, {"seed": 7}).write_part("c", part(8))
+    path = open_results(tmp_path, "x", CAMPAIGN, {"seed": 7}).write_block("c", part(8))
     identity = pq.read_schema(path).metadata[b"lvnav_trade.identity"].decode()
     expected = {"seed": "7", "results": str(RESULTS_VERSION), "runs": "8+8", "case": "c"}[name]
     assert f" {name}={expected} " in f" {identity} "
@@ -191,14 +191,15 @@ def test_a_part_says_what_it_is_of(tmp_path, name):
 def test_a_case_with_a_hole_in_its_runs_has_no_summary(tmp_path):
     results = open_results(tmp_path, "x", CAMPAIGN, {})
     for first in (0, 8, 16):
-        results.write_part("c", part(first))
-    assert merge(results.parts("c", 24)).n_run == 24
-    assert merge(results.parts("c", 16)).n_run == 16  # a block that was flown beyond the end of a case is not of it
+        results.write_block("c", part(first))
+    assert merge(results.block_summaries("c", 24)).n_run == 24
+    # a block that was flown beyond the end of a case is not of it
+    assert merge(results.block_summaries("c", 16)).n_run == 16
     with pytest.raises(ValueError, match="runs 24 to 31 are in no part"):
-        results.parts("c", 32)
+        results.block_summaries("c", 32)
     (tmp_path / "parts/c/8-8.parquet").unlink()
     with pytest.raises(ValueError, match="runs 8 to 15 are in no part"):
-        results.parts("c", 24)
+        results.block_summaries("c", 24)
 
 
 def test_what_a_killed_process_left_half_written_is_gone_when_the_campaign_goes_on(tmp_path):
@@ -229,7 +230,7 @@ def test_a_full_disk_is_not_a_users_error(tmp_path, monkeypatch):
 def test_workers_may_write_the_cases_and_the_plan_gives_the_order(tmp_path):
     results = open_results(tmp_path, "x", CAMPAIGN, {})
     for name in ("b", "a"):
-        results.write_case(CaseInfo(name, name, {}), synthetic.prepared(), COV, None)
+        results.write_case(CaseInfo(name, name, {}), synthetic.prepared_case(), COV, None)
     again = open_results(tmp_path, "x", CAMPAIGN, {})
     again.finish({"cases": ["a", "b"]})
     assert list(load(tmp_path).cases.case) == ["a", "b"]
@@ -237,11 +238,14 @@ def test_workers_may_write_the_cases_and_the_plan_gives_the_order(tmp_path):
 
 def test_tables_of_single_cases_go_and_blocks_of_runs_stay(tmp_path):
     results = open_results(tmp_path, "x", CAMPAIGN, {})
-    kept = results.write_part("a", part())
+    kept = results.write_block("a", part())
     for name in ("a", "b"):
-        results.owned.claim("run", (), ["a", "b"])
+        results.owned_folder.claim("run", (), ["a", "b"])
         results.write_case(
-            CaseInfo(name, name, {}), synthetic.prepared(), COV, results.parts("a") if name == "a" else None
+            CaseInfo(name, name, {}),
+            synthetic.prepared_case(),
+            COV,
+            results.block_summaries("a") if name == "a" else None,
         )
     results.finish({"cases": ["a", "b"]})
     whole, before = table_bytes(tmp_path), sum(file.stat().st_size for file in tmp_path.glob("parts/*/tables/*"))

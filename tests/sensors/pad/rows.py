@@ -23,7 +23,7 @@ _X, _Y = -np.cos(_TILT) * _DOWN + np.sin(_TILT) * _SIDE, np.cos(_TILT) * _SIDE +
 Q_B_I = quaternions(np.stack([_X, _Y, np.cross(_X, _Y)], axis=-1)[None])
 VIEW = FlightView(
     t=np.zeros(1), r_i=R_I, v_i=V_I, q_b_i=Q_B_I, height=np.array([30.0]), theta=THETA,
-    w_ib_b=np.zeros((1, 3)), epoch="2024-03-20T12:00:00Z", r_rest=R_I, q_rest=Q_B_I, standing=np.array([True]),
+    w_ib_b=np.zeros((1, 3)), epoch="2024-03-20T12:00:00Z", r_rest=R_I, q_rest=Q_B_I, is_at_rest=np.array([True]),
 )  # fmt: skip
 PARTS = {"attitude": (H_ATT, 0, 1e-4), "velocity": (H_VEL, 3, 1.0), "position": (H_POS, 6, 10.0)}
 

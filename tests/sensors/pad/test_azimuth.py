@@ -59,14 +59,14 @@ def test_a_measured_azimuth_is_the_true_one_and_an_error(error):
 
 
 def test_it_is_seen_while_the_vehicle_stands_and_the_mirror_faces_the_horizon():
-    assert CARD.available(VIEW).tolist() == [True]
-    assert CARD.available(VIEW._replace(standing=np.array([False]))).tolist() == [False]
+    assert CARD.is_available(VIEW).tolist() == [True]
+    assert CARD.is_available(VIEW._replace(is_at_rest=np.array([False]))).tolist() == [False]
     lying = np.array([[np.cos(0.6), 0.0, 0.0, np.sin(0.6)]])  # 69 deg about z: the y axis leaves the horizon
-    assert CARD.available(VIEW._replace(q_b_i=product(VIEW.q_b_i, lying))).tolist() == [False]
+    assert CARD.is_available(VIEW._replace(q_b_i=product(VIEW.q_b_i, lying))).tolist() == [False]
 
 
 def test_noise_and_bias_are_its_own():
     np.testing.assert_allclose(CARD.noise_sigma(VIEW), [[np.radians(5.0 / 3600.0)]])
-    np.testing.assert_allclose(CARD.matched().variance(VIEW), [[np.radians(5.0 / 3600.0) ** 2]])
-    (bias,) = CARD.lasting()
+    np.testing.assert_allclose(CARD.matched_model().variance(VIEW), [[np.radians(5.0 / 3600.0) ** 2]])
+    (bias,) = CARD.correlated_errors()
     assert bias.sigma == pytest.approx(np.radians(20.0 / 3600.0))

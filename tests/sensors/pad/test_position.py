@@ -35,12 +35,12 @@ def test_the_rows_are_derivatives():
 
 
 def test_the_error_of_the_survey_lasts_and_is_one_for_each_axis():
-    (survey,) = PadPositionCard.model_validate(CARD).lasting()
+    (survey,) = PadPositionCard.model_validate(CARD).correlated_errors()
     assert (survey.sigma, survey.labels) == (pytest.approx(0.05), ("x", "y", "z"))
     np.testing.assert_array_equal(survey.partials(VIEW, 3)[0], np.eye(3))
 
 
 def test_a_matched_filter_assumes_the_sway():
     card = PadPositionCard.model_validate({**CARD, "jitter": "1 mm"})
-    np.testing.assert_allclose(card.matched().variance(VIEW), 4e-4)
+    np.testing.assert_allclose(card.matched_model().variance(VIEW), 4e-4)
     np.testing.assert_array_equal(card.noise_sigma(VIEW), 1e-3)

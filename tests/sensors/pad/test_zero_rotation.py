@@ -49,12 +49,12 @@ def test_an_error_turns_the_known_attitude_about_the_axes_of_the_earth():
 
 def test_what_is_not_known_of_the_attitude_is_a_state_for_each_axis():
     card = ZeroRotationCard.model_validate(CARD)
-    (known,) = card.lasting()
+    (known,) = card.correlated_errors()
     assert (known.sigma, known.labels) == (pytest.approx(np.radians(1.0)), ("x", "y", "z"))
     np.testing.assert_array_equal(known.partials(VIEW, 3)[0], np.eye(3))
     assert card.model.states["attitude"].name == "standing_attitude"
-    assert card.matched().attitude == known.sigma
-    np.testing.assert_allclose(card.matched().variance(VIEW), 4e-8)
+    assert card.matched_model().attitude == known.sigma
+    np.testing.assert_allclose(card.matched_model().variance(VIEW), 4e-8)
 
 
 def test_an_attitude_that_is_known_exactly_is_another_sensor():

@@ -44,7 +44,7 @@ def test_what_is_measured_is_zero_with_its_errors_whatever_the_sway():
 
 def test_a_matched_filter_assumes_the_sway_and_the_truth_has_none_of_its_own():
     card = ZeroVelocityCard.model_validate(CARD)
-    np.testing.assert_allclose(card.matched().variance(VIEW), 1e-4)
+    np.testing.assert_allclose(card.matched_model().variance(VIEW), 1e-4)
     assert not card.noise_sigma(VIEW).any()
 
 

@@ -7,14 +7,14 @@ from tests.building import case
 
 
 def test_a_case_has_the_records_of_what_is_prepared_and_what_replaces_them():
-    prepared = case()
-    found = case_of(prepared)
-    assert found.model is prepared.model
-    assert found.signals is prepared.signals
-    assert found.tick == prepared.unit.dt
-    assert found.step == found.tick * prepared.model.strapdown.subsamples
-    aside = prepared.model._replace(aided=False)
-    assert case_of(prepared, model=aside).model is aside
+    prepared_case = case()
+    found = case_of(prepared_case)
+    assert found.model is prepared_case.model
+    assert found.signals is prepared_case.signals
+    assert found.tick == prepared_case.unit.dt
+    assert found.step == found.tick * prepared_case.model.strapdown.subsamples
+    aside = prepared_case.model._replace(has_epochs=False)
+    assert case_of(prepared_case, model=aside).model is aside
 
 
 def test_a_case_without_features_has_no_arrays_of_them():

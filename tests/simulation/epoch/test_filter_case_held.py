@@ -14,8 +14,8 @@ N, AT = 3, 2
 class Part(NamedTuple):
     """Arrays of results: held by source, and of the mean."""
 
-    held: np.ndarray
-    held_mean: np.ndarray
+    solution_covariance: np.ndarray
+    solution_mean: np.ndarray
 
 
 class State(NamedTuple):
@@ -36,9 +36,9 @@ class Truth(NamedTuple):
 class Joint(NamedTuple):
     """As much of a pass as is held."""
 
-    out: Any
+    results: Any
     state: Any
-    true: Any
+    components: Any
 
 
 def test_the_last_solution_is_held_where_there_is_no_new_one():
@@ -51,5 +51,5 @@ def test_the_last_solution_is_held_where_there_is_no_new_one():
     joint.state.sources[:], joint.state.mean[:] = 0.0, 0.0
     _store_covariance(joint, solved, 1)
     for source, lane in enumerate((0, 5)):
-        np.testing.assert_array_equal(out.held[source], sources[0, AT:, AT:, lane])
-    np.testing.assert_array_equal(out.held_mean, mean[AT:])
+        np.testing.assert_array_equal(out.solution_covariance[source], sources[0, AT:, AT:, lane])
+    np.testing.assert_array_equal(out.solution_mean, mean[AT:])

@@ -48,7 +48,7 @@ def test_a_row_beyond_the_gate_changes_nothing():
     np.testing.assert_array_equal(x, 0.0)
 
 
-Signals = namedtuple("Signals", "shared partial n_receiver shift")
+Signals = namedtuple("Signals", "correlated_errors partial n_receiver shift")
 Shared = namedtuple("Shared", "member partial extra")
 
 
@@ -82,7 +82,7 @@ def test_an_error_that_measurements_share_enters_as_in_the_dense_joint_covarianc
     joint, scratch, true, _ = small(
         np.stack([np.eye(N), full[:N, :N]]), [1.0, full[N, N]], factor=np.ones(2), noise=np.zeros(2), decay=np.ones(N),
         white=np.zeros((2, N)), blocks=np.zeros((0, 9)), rows=ALL[:0], columns=ALL[:0], seconds=0.1,
-        first_shared=1, shared_family=np.array([-1]),
+        first_correlated=1, modelling_block=np.array([-1]),
     )  # fmt: skip
     of_lanes(joint.cross, 1)[0] = full[:N, N]
     signals = Signals(

@@ -16,8 +16,8 @@ class Array(NamedTuple):
     """As much of several IMUs as an error enters by."""
 
     stage: np.ndarray
-    solved: np.ndarray
-    noisy: np.ndarray
+    axis_weights: np.ndarray
+    error_factors: np.ndarray
 
 
 def test_a_parameter_multiplies_what_its_axis_senses():

@@ -31,7 +31,7 @@ def shortened(prepared):
 def flown(prepared, source):
     history, block, back = covariance(prepared), run_block(prepared, 1, 0, 1), adjoint(prepared, 4.0, bin_seconds=1.0)
     put_in = back.contribution[3, back.sources.index(source)]
-    sigma = float(history.formal[4, 3])
+    sigma = float(history.formal_sigma[4, 3])
     return [block.n_row[0, :4].tolist(), history.n_row[:4].tolist(), put_in.tolist(), sigma]
 
 prepared, found, present = shortened(case(MATCHED)), {}, process.is_present

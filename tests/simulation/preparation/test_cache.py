@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from lvnav_trade.gnss.constellation import AlmanacConstellation
-from lvnav_trade.gnss.satellites import content
+from lvnav_trade.gnss.satellites import file_digests
 from lvnav_trade.quantities.reads import FieldReads
 from lvnav_trade.simulation.preparation import cache
 from tests.building import hop, loaded
@@ -15,7 +15,7 @@ T = np.arange(1.0, 30.0)
 
 
 def seen(*settings: str, t=T, start: float = 0.0):
-    return cache.seen_in(loaded(*settings), hop(), t, start)
+    return cache.cached_sky(loaded(*settings), hop(), t, start)
 
 
 def test_cases_that_differ_in_nothing_that_the_sky_depends_on_share_it():
@@ -43,14 +43,14 @@ def test_other_epochs_another_start_and_another_flight_make_another_sky():
     own = seen()
     assert seen(t=T[:-1]) is not own
     assert seen(start=20.0) is not own
-    assert cache.seen_in(loaded(), hop(coast=11.0), T, 0.0) is not own
+    assert cache.cached_sky(loaded(), hop(coast=11.0), T, 0.0) is not own
 
 
 def test_a_sky_that_was_kept_counts_as_having_read_what_it_was_computed_from():
     found = []
     for _ in range(2):
         reads = FieldReads(loaded("base.receiver.latency=0.25 s"))
-        cache.seen_in(reads.card, hop(), T, 0.0)
+        cache.cached_sky(reads.card, hop(), T, 0.0)
         found.append(reads.paths)
     assert found[0] == found[1]
     assert {"receiver.latency", "constellation.kind"} & found[1]
@@ -62,9 +62,9 @@ def test_a_file_of_satellites_that_is_written_again_is_another_one(tmp_path):
     found = []
     for text in ("one", "another", "one"):
         file.write_text(text)
-        found.append(content(card))
+        found.append(file_digests(card))
     assert found[0] == found[2] != found[1]
-    assert content(loaded().constellation) == ""
+    assert file_digests(loaded().constellation) == ""
 
 
 def test_a_sky_that_is_kept_is_that_of_the_receiver_that_asks() -> None:
@@ -72,7 +72,7 @@ def test_a_sky_that_is_kept_is_that_of_the_receiver_that_asks() -> None:
     from lvnav_trade.campaign.definition.axes import cases
     from lvnav_trade.campaign.reading.load import load
     from lvnav_trade.gnss.visibility import sky
-    from lvnav_trade.simulation.preparation.cache import seen_in, trajectory_of
+    from lvnav_trade.simulation.preparation.cache import cached_sky, trajectory_of
 
     base = cases(load("demo"))[0].scenario
     flight, t = trajectory_of(base), np.arange(0.0, 200.0, 20.0)
@@ -89,7 +89,7 @@ def test_a_sky_that_is_kept_is_that_of_the_receiver_that_asks() -> None:
     for change in [*changes, *reversed(changes)]:
         receiver = base.receiver.model_copy(update=change)
         scenario = base.model_copy(update={"receiver": receiver, "faults": ()})
-        kept = seen_in(scenario, flight, t, -10.0)
+        kept = cached_sky(scenario, flight, t, -10.0)
         alone = sky(base.constellation, receiver, flight, np.maximum(-10.0, t - receiver.latency))
-        for name in ("tracked", "range_sigma", "rate_sigma", "phase_sigma", "cn0", "elevation", "state"):
+        for name in ("is_tracked", "range_sigma", "rate_sigma", "phase_sigma", "cn0", "elevation", "state"):
             np.testing.assert_array_equal(getattr(kept, name), getattr(alone, name), err_msg=f"{change} {name}")

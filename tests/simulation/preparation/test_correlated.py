@@ -99,9 +99,9 @@ def low_hop():
 
 @pytest.mark.parametrize(("name", "way"), WAYS)
 def test_true_covariance_agrees_with_monte_carlo(name, way):
-    prepared = flown(name, way)
-    history, block = covariance(prepared), run_block(prepared, 3, 0, RUNS)
-    at = [int(np.argmin(np.abs(prepared.t_hist - t))) for t in (5.0, 12.0, 20.0, 30.0)]
+    prepared_case = flown(name, way)
+    history, block = covariance(prepared_case), run_block(prepared_case, 3, 0, RUNS)
+    at = [int(np.argmin(np.abs(prepared_case.t_hist - t))) for t in (5.0, 12.0, 20.0, 30.0)]
     ratio = np.mean(block.err[:, at] ** 2, axis=0) / (history.true_sigma[at] ** 2 + history.mean[at] ** 2)
     tail = ALPHA / 2 / ratio.size
     low, high = chi2.ppf([tail, 1.0 - tail], RUNS) / RUNS
@@ -110,12 +110,12 @@ def test_true_covariance_agrees_with_monte_carlo(name, way):
 
 @pytest.mark.parametrize(("name", "way"), WAYS)
 def test_the_source_has_its_line_in_the_budget_and_forward_equals_backward(name, way):
-    prepared, source = flown(name, way), CAUSES[name][2]
-    history = covariance(prepared)
+    prepared_case, source = flown(name, way), CAUSES[name][2]
+    history = covariance(prepared_case)
     np.testing.assert_allclose(history.budget.sum(axis=1), history.true_sigma**2, rtol=1e-10)
     line = history.sources.index(source)
     assert history.budget[-1, line, 3:9].max() > 0.0
-    back = adjoint(prepared, 30.0)
+    back = adjoint(prepared_case, 30.0)
     np.testing.assert_allclose(
         back.contribution.sum(axis=2).T, history.budget[-1, :, :9], rtol=1e-9, atol=1e-12 * history.budget[-1].max()
     )
@@ -138,6 +138,6 @@ def test_an_error_that_no_card_names_leaves_no_family():
 
 
 def test_lanes_and_one_run_at_a_time_fly_the_same_errors():
-    prepared = flown("multipath", "estimate")
-    many, one = run_block(prepared, 3, 0, 9), run_block(prepared, 3, 8, 1, lanes=False)
+    prepared_case = flown("multipath", "estimate")
+    many, one = run_block(prepared_case, 3, 0, 9), run_block(prepared_case, 3, 8, 1, uses_lanes=False)
     np.testing.assert_array_equal(many.err[8], one.err[0])

@@ -9,7 +9,7 @@ import pytest
 from ruamel.yaml import YAML
 
 from lvnav_trade.imu.error_model import ImuCard
-from lvnav_trade.quantities.shared_cards import EnvelopeCard, changing, steady_ratio
+from lvnav_trade.quantities.shared_cards import EnvelopeCard, is_changing, steady_ratio
 from lvnav_trade.simulation.preparation.vehicle_model import envelopes
 
 RATE = 200.0
@@ -84,7 +84,7 @@ def test_phases_have_the_published_numbers_and_changes_last_from_one_second_befo
     burning, changes = t < 10.0, np.array([10.0])
     still = np.zeros((t.size, 2))
     turning, jerk = envelopes(card, t, burning, changes, still, still)
-    inside = changing(card, t, changes)
+    inside = is_changing(card, t, changes)
     np.testing.assert_array_equal(inside, (t >= 9.0 - 1e-9) & (t <= 12.0 + 1e-9))
     assert set(jerk[inside, 0]) == {15000.0}
     assert set(jerk[~inside & burning, 0]) == {15.0}

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from lvnav_trade.quantities.records import Reference
-from lvnav_trade.simulation.preparation.imu_arrays import swing
+from lvnav_trade.simulation.preparation.imu_arrays import lever_arm_velocity_increments
 from lvnav_trade.trajectory.flight import reference
 from tests.building import IDEAL, INERTIAL, TURNED, hop, loaded, prepare_hop, with_units
 
@@ -18,7 +18,7 @@ def test_a_lever_arm_on_a_spinning_body_feels_the_centripetal_acceleration():
     rate = np.stack([0.0 * t, 0.0 * t, 2.0 + 3.0 * t], axis=1)
     angle = dt * 0.5 * (rate[1:] + rate[:-1])
     ref = Reference(t, none, none, np.zeros((n + 1, 4)), none, rate, angle, none[1:])
-    found = swing(ref, np.array([0.5, 0.0, 0.0]))
+    found = lever_arm_velocity_increments(ref, np.array([0.5, 0.0, 0.0]))
     assert found[:, 1] == pytest.approx(np.full(n, 3.0 * 0.5 * dt))
     spin = 2.0 + 3.0 * t
     assert found[:, 0] == pytest.approx(-0.5 * (spin[1:] ** 3 - spin[:-1] ** 3) / 9.0)
@@ -30,7 +30,7 @@ def test_a_lever_arm_that_is_ignored_stays_and_one_that_is_compensated_leaves_ha
     units = [{}, {"lever_arm": [f"{x} m" for x in lever], **TURNED}]
     ideal = reference(hop(), scenario.imu.rate)
     ignored = prepare_hop(with_units(scenario, units, lever_arms="ignored")).unit.dvel - ideal.dvel
-    assert ignored == pytest.approx(0.5 * swing(ideal, lever), abs=1e-12)
+    assert ignored == pytest.approx(0.5 * lever_arm_velocity_increments(ideal, lever), abs=1e-12)
     assert np.max(np.abs(ignored)) > 1e-6
     left = prepare_hop(with_units(scenario, units)).unit.dvel - ideal.dvel
     assert np.abs(np.cumsum(left, axis=0)).max() < 0.02 * np.abs(np.cumsum(ignored, axis=0)).max()

@@ -11,21 +11,21 @@ from tests.building import case
 
 
 def test_they_are_the_parameters_that_the_unit_of_a_run_starts_with():
-    prepared = case()
-    found = start_draws(prepared, 7, 3)
-    sigma = prepared.unit.sigma
+    prepared_case = case()
+    found = start_draws(prepared_case, 7, 3)
+    sigma = prepared_case.unit.sigma
     k0, k1 = seed_words(7)
     for run in range(3):
         values = np.zeros((len(sigma), 3))
-        processes.start(values, sigma, prepared.unit.sources, k0, k1, np.uint64(run))
+        processes.start(values, sigma, prepared_case.unit.sources, k0, k1, np.uint64(run))
         drawn = values[sigma > 0.0] / sigma[sigma > 0.0]
         np.testing.assert_allclose(found.values[run, : drawn.size], drawn, rtol=1e-12)
     assert found.sources[drawn.size :: 3] == INITIAL
 
 
 def test_every_draw_has_a_name_of_its_own_and_acts():
-    prepared = case()
-    found = start_draws(prepared, 7, 2)
+    prepared_case = case()
+    found = start_draws(prepared_case, 7, 2)
     names = list(zip(found.sources, found.axes, strict=True))
     assert len(set(names)) == len(names) == found.values.shape[1]
     assert ("accelerometer scale factor", "x") in names

@@ -24,35 +24,35 @@ CUTS = [(10.0, 1.0, 1.0), (3.0, 1.0, 1.0), (10.0, 3.0, 1.0), (7.0, 2.0, 0.35), (
 
 @pytest.mark.parametrize(("covariance_rate", "update_rate", "history"), CUTS)
 def test_windows_tile_the_flight_and_end_at_every_epoch_and_history_time(covariance_rate, update_rate, history):
-    prepared = prepared_with(history, covariance_rate=f"{covariance_rate} Hz", update_rate=f"{update_rate} Hz")
-    schedule, n_imu = prepared.schedule, prepared.reference.dtheta.shape[0]
+    prepared_case = prepared_with(history, covariance_rate=f"{covariance_rate} Hz", update_rate=f"{update_rate} Hz")
+    schedule, n_tick = prepared_case.schedule, prepared_case.reference.dtheta.shape[0]
     ends = schedule.first_tick + schedule.n_tick
-    assert ends[-1] == n_imu
+    assert ends[-1] == n_tick
     np.testing.assert_array_equal(schedule.first_tick[1:], ends[:-1])
     assert schedule.n_tick.max() <= round(200.0 / covariance_rate)
-    for column, times in ((schedule.epoch, prepared.t_epoch), (schedule.hist, prepared.t_hist)):
+    for column, times in ((schedule.epoch, prepared_case.t_epoch), (schedule.hist, prepared_case.t_hist)):
         at = column >= 0
         np.testing.assert_array_equal(column[at], np.arange(times.size))
         # an event may lie between ticks: the nearest stands for it
-        assert np.abs(prepared.reference.t[ends[at]] - times).max() <= 0.5 / 200.0 + 1e-9
-    np.testing.assert_allclose(prepared.lengths[schedule.length] * 200.0, schedule.n_tick, atol=1e-9)
+        assert np.abs(prepared_case.reference.t[ends[at]] - times).max() <= 0.5 / 200.0 + 1e-9
+    np.testing.assert_allclose(prepared_case.lengths[schedule.length_index] * 200.0, schedule.n_tick, atol=1e-9)
 
 
 @pytest.mark.parametrize("update_rate", [1.0, 3.0, 7.0])
 def test_measurements_are_taken_on_ticks_where_the_increments_end(update_rate):
-    prepared = prepared_with(update_rate=f"{update_rate} Hz")
-    schedule, signals = prepared.schedule, prepared.signals
+    prepared_case = prepared_with(update_rate=f"{update_rate} Hz")
+    schedule, signals = prepared_case.schedule, prepared_case.signals
     ticks = (schedule.first_tick + schedule.n_tick)[schedule.epoch >= 0]
     # no lever arm: the antenna is at the unit; a float64 at 7e6 m counts in 1e-9 m
-    np.testing.assert_allclose(signals.position, prepared.reference.r_i[ticks], rtol=0, atol=1e-7)
-    np.testing.assert_allclose(signals.velocity, prepared.reference.v_i[ticks], rtol=0, atol=1e-9)
-    assert prepared.t_epoch.size == pytest.approx(30 * update_rate, abs=1)
+    np.testing.assert_allclose(signals.position, prepared_case.reference.r_i[ticks], rtol=0, atol=1e-7)
+    np.testing.assert_allclose(signals.velocity, prepared_case.reference.v_i[ticks], rtol=0, atol=1e-9)
+    assert prepared_case.t_epoch.size == pytest.approx(30 * update_rate, abs=1)
 
 
 def test_history_holds_the_grid_and_every_event_once():
-    prepared = prepared_with(history=0.7)
+    prepared_case = prepared_with(history=0.7)
     expected = np.union1d(np.arange(43) * 0.7, list(hop().events.values()))
-    np.testing.assert_allclose(prepared.t_hist, expected, atol=1e-12)
+    np.testing.assert_allclose(prepared_case.t_hist, expected, atol=1e-12)
 
 
 def test_a_strapdown_at_a_quarter_of_the_units_rate_steps_over_four_ticks_and_stays_near_the_truth():
@@ -104,7 +104,7 @@ def test_no_stage_changes_what_an_earlier_one_has_made():
             array.setflags(write=True)
     assert len(locked) > 40
     _, times, filtering, measured = records
-    np.testing.assert_array_equal(filtering.P, free.start.P)
+    np.testing.assert_array_equal(filtering.P, free.initial_state.P)
     for name, found, wanted in (
         ("schedule", times.schedule, free.schedule), ("signals", measured.signals, free.signals),
         ("chain", measured.chain, free.chain),

@@ -15,7 +15,9 @@ def test_an_epoch_has_at_most_two_rows_for_each_satellite_and_one_for_each_scala
 
 
 def test_the_ticks_of_the_history_are_the_ends_of_its_windows():
-    prepared = case()
-    dt = prepared.unit.dt
-    assert np.abs(prepared.hist_tick * dt - (prepared.t_hist - prepared.t_hist[0])).max() <= 0.5 * dt + 1e-9
-    np.testing.assert_array_equal(prepared.reference.r_i[prepared.hist_tick], prepared.record.r)
+    prepared_case = case()
+    dt = prepared_case.unit.dt
+    assert (
+        np.abs(prepared_case.hist_tick * dt - (prepared_case.t_hist - prepared_case.t_hist[0])).max() <= 0.5 * dt + 1e-9
+    )
+    np.testing.assert_array_equal(prepared_case.reference.r_i[prepared_case.hist_tick], prepared_case.record.r)

@@ -11,19 +11,19 @@ from tests.building import loaded, prepare_hop, with_units
 
 def units_of(*faults, units=({}, {}, {}), **fields):
     scenario = with_units(loaded("base.imu=imu/tactical_fog_matched"), list(units), **fields)
-    prepared = prepare_hop(scenario.model_copy(update={"faults": faults}))
-    return prepared, prepared.options.units
+    prepared_case = prepare_hop(scenario.model_copy(update={"faults": faults}))
+    return prepared_case, prepared_case.options.imu_array
 
 
 def left_out(units, dt):
     """Return when a stage other than the flown one begins, and how the gyros of each unit enter its x axis."""
     tick = int(np.argmax(units.stage != units.stage_without_exclusion))
-    return dt * tick, units.solved[units.stage[tick], :, 0, 0, 0]
+    return dt * tick, units.axis_weights[units.stage[tick], :, 0, 0, 0]
 
 
 def test_the_weight_of_a_test_is_the_inverse_variance_of_the_cards():
-    prepared, units = units_of(parity={"window": "2 s"})
-    gyro, start = prepared.scenario.imu.units[0].gyro, prepared.unit.start
+    prepared_case, units = units_of(parity={"window": "2 s"})
+    gyro, start = prepared_case.scenario.imu.units[0].gyro, prepared_case.unit.start
     for window in (0, 3):
         grown = gyro.bias_repeatability**2 + gyro.rate_random_walk**2 * 2.0 * (window + 1)
         variance = gyro.random_walk**2 * 2.0 + grown * 4.0
@@ -43,8 +43,8 @@ def test_the_weight_of_a_test_is_the_inverse_variance_of_the_cards():
     ids=lambda fault: fault.kind,
 )
 def test_a_failed_unit_is_left_out_at_the_end_of_a_window(fault):
-    prepared, units = units_of(fault, parity={"window": "1 s"})
-    when, entering = left_out(units, prepared.unit.dt)
+    prepared_case, units = units_of(fault, parity={"window": "1 s"})
+    when, entering = left_out(units, prepared_case.unit.dt)
     assert when == pytest.approx(11.0)
     assert entering == pytest.approx([0.5, 0.0, 0.5])
 
@@ -55,15 +55,15 @@ def test_two_of_four_units_are_left_out_one_after_the_other():
         GyroBiasStep(unit=4, size=["0 deg/h", "300 deg/h", "0 deg/h"], **{"from": "15 s"}),
     ]
     _, units = units_of(*faults, units=({}, {}, {}, {}), parity={})
-    assert units.solved[units.stage[-1], :, 0, 0, 0] == pytest.approx([0.0, 0.5, 0.5, 0.0])
-    assert len(units.solved) == 3
+    assert units.axis_weights[units.stage[-1], :, 0, 0, 0] == pytest.approx([0.0, 0.5, 0.5, 0.0])
+    assert len(units.axis_weights) == 3
 
 
 def test_nothing_is_left_out_of_sound_units_and_a_set_without_test_has_one_stage():
     _, tested = units_of(parity={})
     _, plain = units_of()
-    assert len(tested.solved) == len(plain.solved) == 1
-    assert np.array_equal(tested.solved, plain.solved)
+    assert len(tested.axis_weights) == len(plain.axis_weights) == 1
+    assert np.array_equal(tested.axis_weights, plain.axis_weights)
     assert plain.redundant is None
 
 
@@ -71,7 +71,7 @@ def test_skewed_single_axes_are_units_that_can_be_left_out():
     axes = [(1, 1, 1), (1, -1, 1), (-1, 1, 1), (-1, -1, 1), (1, 0, 0), (0, 1, 0)]
     fault = GyroBiasStep(unit=3, size=["200 deg/h", "0 deg/h", "0 deg/h"], **{"from": "10 s"})
     _, units = units_of(fault, units=[{"axes": [axis]} for axis in axes], parity={})
-    last = units.solved[units.stage[-1]]
+    last = units.axis_weights[units.stage[-1]]
     assert np.all(last[2] == 0.0)
     directions = units.frames[:, 0, 0]
     assert last[:, 0, :, 0].T @ directions == pytest.approx(np.eye(3), abs=1e-9)

@@ -11,10 +11,10 @@ from tests.building import LOOSE, case, hop, loaded, prepare_hop, with_fields
 
 @pytest.mark.parametrize("frame", ["ned", "ecef", "inertial", "orbital"])
 def test_reporting_axes_are_rotations_of_the_named_frame(frame):
-    prepared = prepare_hop(with_fields(loaded(), frame=frame))
-    axes, record = prepared.record.axes, prepared.record
+    prepared_case = prepare_hop(with_fields(loaded(), frame=frame))
+    axes, record = prepared_case.record.axes, prepared_case.record
     np.testing.assert_allclose(axes @ np.swapaxes(axes, 1, 2), np.tile(np.eye(3), (len(axes), 1, 1)), atol=1e-14)
-    theta = hop().theta0 + 7.292115e-5 * prepared.t_hist
+    theta = hop().theta0 + 7.292115e-5 * prepared_case.t_hist
     expected = {
         "inertial": np.tile(np.eye(3), (len(axes), 1, 1)),
         "orbital": rotation_i_o(record.r, record.v),
@@ -28,11 +28,11 @@ def test_reporting_axes_are_rotations_of_the_named_frame(frame):
 
 
 def test_the_truth_of_the_record_is_the_reference_at_its_ticks():
-    prepared = case()
-    schedule = prepared.schedule
+    prepared_case = case()
+    schedule = prepared_case.schedule
     ticks = (schedule.first_tick + schedule.n_tick)[schedule.hist >= 0]
-    np.testing.assert_array_equal(prepared.record.r, prepared.reference.r_i[ticks])
-    np.testing.assert_array_equal(prepared.record.q, prepared.reference.q_b_i[ticks])
+    np.testing.assert_array_equal(prepared_case.record.r, prepared_case.reference.r_i[ticks])
+    np.testing.assert_array_equal(prepared_case.record.q, prepared_case.reference.q_b_i[ticks])
 
 
 def test_innovations_are_named_as_what_is_measured():

@@ -18,7 +18,7 @@ from lvnav_trade.sensors.attitude_reference import AttitudeReferenceCard
 from lvnav_trade.sensors.family import SENSORS
 from lvnav_trade.sensors.sensor import CorrelatedError, each_scalar
 from lvnav_trade.simulation.montecarlo import run_block
-from lvnav_trade.simulation.preparation.sensors import for_kernels, measures, sensors_of, view_of
+from lvnav_trade.simulation.preparation.sensors import flight_view, measures, sensor_arrays, sensors_of
 from lvnav_trade.trajectory.flight import motion
 from tests.both_engines.modelled import BASELINE, PUBLISHED, SETTINGS, modelled, named
 from tests.building import INERTIAL, LOOSE, MATCHED, hop, loaded, prepare_hop, with_fields
@@ -79,19 +79,19 @@ def test_it_measures_where_the_flight_meets_its_conditions_and_nowhere_else():
     case = radar(below="184 km", speed_below="4.65 km/s")
     trajectory = hop()
     (sensor,) = sensors_of(case, trajectory, SOON)
-    height, speed, _ = trajectory.course.sampled(SOON)
+    height, speed, _ = trajectory.flight_profile.values_at(SOON)
     expected = (height < 184e3) & (speed < 4650.0)
     assert 0 < expected.sum() < expected.size
-    np.testing.assert_array_equal(sensor.on, expected)
+    np.testing.assert_array_equal(sensor.is_measuring, expected)
 
 
 @pytest.mark.slow  # kernels of its own
 def test_both_engines_take_an_altimeter_only_when_it_measures_and_agree():
-    prepared = prepare_hop(radar(rate="0.5 Hz", until="15 s"))
-    cov, block = covariance(prepared), run_block(prepared, 7, 0, N_RUN)
+    prepared_case = prepare_hop(radar(rate="0.5 Hz", until="15 s"))
+    cov, block = covariance(prepared_case), run_block(prepared_case, 7, 0, N_RUN)
     taken = np.isfinite(block.innovation[0, :, -1])
-    np.testing.assert_array_equal(prepared.t_epoch[taken] % 2.0, 0.0)
-    assert 0 < prepared.t_epoch[taken].max() < 15.0
+    np.testing.assert_array_equal(prepared_case.t_epoch[taken] % 2.0, 0.0)
+    assert 0 < prepared_case.t_epoch[taken].max() < 15.0
     np.testing.assert_array_equal(cov.n_row, block.n_row[0])
     ratio = np.sqrt((block.err[:, -1, 6:9] ** 2).mean(axis=0)) / cov.true_sigma[-1, 6:9]
     # three axes at once, 99.9 %: 3.5 / sqrt(2 n)
@@ -103,10 +103,10 @@ def test_both_engines_take_an_attitude_reference_only_when_it_measures_and_agree
     whole = loaded(*SETTINGS, PUBLISHED, BASELINE)
     card = whole.sensors["attitude_reference"]
     late = {"late": {**card.model_dump(mode="json"), "from": "20 s", "rate": "0.5 Hz"}}
-    prepared = prepare_hop(with_fields(whole, sensors=late), named())
-    cov, block = covariance(prepared), run_block(prepared, 5, 0, N_RUN)
+    prepared_case = prepare_hop(with_fields(whole, sensors=late), named())
+    cov, block = covariance(prepared_case), run_block(prepared_case, 5, 0, N_RUN)
     taken = np.isfinite(block.innovation[0, :, 6])
-    np.testing.assert_array_equal(prepared.t_epoch[taken], np.arange(20.0, prepared.t_epoch[-1] + 0.5, 2.0))
+    np.testing.assert_array_equal(prepared_case.t_epoch[taken], np.arange(20.0, prepared_case.t_epoch[-1] + 0.5, 2.0))
     np.testing.assert_array_equal(cov.n_row, block.n_row[0])
     ratio = np.sqrt((block.err[:, -1, :3] ** 2).mean(axis=0)) / cov.true_sigma[-1, :3]
     np.testing.assert_allclose(ratio, 1.0, atol=3.5 / math.sqrt(2 * N_RUN))
@@ -121,8 +121,8 @@ def test_it_measures_between_its_lowest_and_highest_height_and_noise_grows_with_
     np.testing.assert_allclose(found.variance, found.sigma**2)
     middle = float(np.median(height))
     (below,) = sensors_of(radar(highest=f"{middle} m"), hop(), t)
-    np.testing.assert_array_equal(below.on, height <= middle)
-    assert 0 < np.count_nonzero(below.on) < t.size
+    np.testing.assert_array_equal(below.is_measuring, height <= middle)
+    assert 0 < np.count_nonzero(below.is_measuring) < t.size
 
 
 def test_there_is_none_without_a_card_or_for_a_filter_that_does_not_list_it():
@@ -135,14 +135,14 @@ def test_there_is_none_without_a_card_or_for_a_filter_that_does_not_list_it():
 def test_two_sensors_of_one_kind_go_by_their_own_names_and_have_channels_and_noise_of_their_own():
     one = radar()
     two = with_fields(one, sensors={"port": {**RADAR, "sigma": "1 m"}, "starboard": {**RADAR, "sigma": "2 m"}})
-    prepared = prepare_hop(two)
-    assert prepared.channel_names[-2:] == ("port", "starboard")
-    assert [device.noise for device in prepared.devices] == ["altimeter noise port", "altimeter noise starboard"]
-    numbers = for_kernels(prepared.devices, prepared.channels, prepared.t_epoch.size)
+    prepared_case = prepare_hop(two)
+    assert prepared_case.channel_names[-2:] == ("port", "starboard")
+    assert [device.noise for device in prepared_case.devices] == ["altimeter noise port", "altimeter noise starboard"]
+    numbers = sensor_arrays(prepared_case.devices, prepared_case.channels, prepared_case.t_epoch.size)
     assert [SENSORS[code] for code in numbers.code] == [AltimeterCard, AltimeterCard]
     assert numbers.channel.tolist() == [6, 7]
-    assert len(set(numbers.sources.tolist())) == 2
-    block, cov = run_block(prepared, 7, 0, 8), covariance(prepared)
+    assert len(set(numbers.source_keys.tolist())) == 2
+    block, cov = run_block(prepared_case, 7, 0, 8), covariance(prepared_case)
     assert np.isfinite(block.innovation[:, :, 6:]).all()
     assert not np.any(block.innovation[:, :, 6] == block.innovation[:, :, 7])
     budget = dict(zip(cov.sources, cov.budget[-1, :, DOWN], strict=True))
@@ -151,14 +151,14 @@ def test_two_sensors_of_one_kind_go_by_their_own_names_and_have_channels_and_noi
 
 @pytest.mark.parametrize("settings", [(LOOSE,), ("base.filter=filters/tight",)], ids=["loose", "tight"])
 def test_both_engines_agree_on_what_an_altimeter_does_bias_and_all(settings):
-    prepared = prepare_hop(radar(*settings))
-    cov, block = covariance(prepared), run_block(prepared, 7, 0, N_RUN)
+    prepared_case = prepare_hop(radar(*settings))
+    cov, block = covariance(prepared_case), run_block(prepared_case, 7, 0, N_RUN)
     ratio = np.sqrt((block.err[:, -1, 6:9] ** 2).mean(axis=0)) / cov.true_sigma[-1, 6:9]
     # 1.96 / sqrt(2 n) is 95 %; three axes at once, 99.9 %: 3.5 / sqrt(2 n)
     np.testing.assert_allclose(ratio, 1.0, atol=3.5 / math.sqrt(2 * N_RUN))
     assert np.all(np.isfinite(block.innovation[:, :, -1]))
     assert int(cov.n_row[0]) == int(block.n_row[0, 0])
-    assert prepared.channel_names[-1] == "altitude"
+    assert prepared_case.channel_names[-1] == "altitude"
 
 
 def test_a_good_one_improves_the_height_and_a_bad_one_is_reported_by_linear_covariance():
@@ -178,8 +178,8 @@ def test_what_the_filter_assumes_of_it_decides_how_it_is_weighed():
 
 
 def test_the_budget_backwards_is_the_budget_forwards():
-    prepared = prepare_hop(radar())
-    cov, back = covariance(prepared), adjoint(prepared, prepared.t_hist[-1])
+    prepared_case = prepare_hop(radar())
+    cov, back = covariance(prepared_case), adjoint(prepared_case, prepared_case.t_hist[-1])
     np.testing.assert_allclose(back.contribution[DOWN].sum(axis=1), cov.budget[-1, :, DOWN], rtol=1e-6, atol=1e-12)
     at = cov.sources.index("altimeter noise")
     assert back.contribution[DOWN, at].sum() > 0.0
@@ -189,7 +189,7 @@ def test_the_budget_backwards_is_the_budget_forwards():
 def test_its_rows_count_in_what_a_stretch_can_tell():
     (one,) = observability(prepare_hop(radar()), np.array([0.0, 30.0]))
     (none,) = observability(prepare_hop(without_radar()), np.array([0.0, 30.0]))
-    assert one.rows == none.rows + 30
+    assert one.measurement_count == none.measurement_count + 30
 
 
 @pytest.mark.slow  # a kernel of its own; a late sensor in an open loop is below
@@ -203,27 +203,27 @@ def test_an_open_loop_takes_it_too():
 
 @pytest.mark.slow
 def test_it_stands_beside_a_receiver_with_a_filter_of_its_own_and_one_run_is_a_lane():
-    prepared = prepare_hop(with_fields(radar(), **{"receiver.solution": FILTERED, "faults": []}))
-    block, alone = run_block(prepared, 7, 0, N_RUN), run_block(prepared, 7, 5, 1, lanes=False)
+    prepared_case = prepare_hop(with_fields(radar(), **{"receiver.solution": FILTERED, "faults": []}))
+    block, alone = run_block(prepared_case, 7, 0, N_RUN), run_block(prepared_case, 7, 5, 1, uses_lanes=False)
     off = [np.abs(getattr(block, name)[5] - getattr(alone, name)[0]) / block.sigma[5] for name in ("err", "sigma")]
     assert max(array.max() for array in off) < 1e-8
-    history = covariance(prepared)
+    history = covariance(prepared_case)
     ratio = np.sqrt((block.err[:, -1, 6:9] ** 2).mean(axis=0)) / np.hypot(
         history.true_sigma[-1, 6:9], history.mean[-1, 6:9]
     )
     np.testing.assert_allclose(ratio, 1.0, atol=3.5 / math.sqrt(2 * N_RUN))
-    back = adjoint(prepared, prepared.t_hist[-1])
+    back = adjoint(prepared_case, prepared_case.t_hist[-1])
     np.testing.assert_allclose(back.contribution.sum(axis=(1, 2)), history.true_sigma[-1, :9] ** 2, rtol=1e-8)
 
 
-def agree(prepared, columns, runs=N_RUN, seed=7):
+def agree(prepared_case, columns, runs=N_RUN, seed=7):
     """Both engines at the end of the flight; mean and spread of Monte Carlo are those of linear covariance."""
-    cov, block = covariance(prepared), run_block(prepared, seed, 0, runs)
+    cov, block = covariance(prepared_case), run_block(prepared_case, seed, 0, runs)
     expected = np.hypot(cov.true_sigma[-1, columns], cov.mean[-1, columns])
     ratio = np.sqrt((block.err[:, -1, columns] ** 2).mean(axis=0)) / expected
     # a handful of columns at once, 99.9 %: 3.5 / sqrt(2 n)
     np.testing.assert_allclose(ratio, 1.0, atol=3.5 / math.sqrt(2 * runs))
-    back = adjoint(prepared, prepared.t_hist[-1])
+    back = adjoint(prepared_case, prepared_case.t_hist[-1])
     np.testing.assert_allclose(back.contribution.sum(axis=(1, 2)), cov.true_sigma[-1, :9] ** 2, rtol=1e-7)
     return cov, block
 
@@ -237,14 +237,14 @@ def test_a_bias_is_a_state_or_considered_and_both_engines_agree(field, settings)
     assert known.outputs[at][1:3] == ("all", "m")
     cov, _ = agree(known, [6, 7, 8, at])
     assert cov.true_sigma[-1, DOWN] < 0.5 * sigma_down(case)  # a filter that knows nothing of it follows it
-    np.testing.assert_allclose(cov.formal[-1, [8, at]], cov.true_sigma[-1, [8, at]], rtol=1e-3)
+    np.testing.assert_allclose(cov.formal_sigma[-1, [8, at]], cov.true_sigma[-1, [8, at]], rtol=1e-3)
 
 
 def test_a_state_follows_the_numbers_of_the_filter_card():
     own = {"altitude": {"sigma": "0.3 m", "bias": "0.01 m", "bias_time": "20 s"}}
     fields = {"filter.extra_states": ["altitude_bias"], "filter.sensor_models": own}
-    prepared = prepare_hop(with_fields(radar(bias="5 m"), **fields))
-    (block,) = prepared.layout.extras
+    prepared_case = prepare_hop(with_fields(radar(bias="5 m"), **fields))
+    (block,) = prepared_case.layout.extras
     assert (block.sigma, block.time_constant, block.labels) == (0.01, 20.0, ("",))
     assert prepare_hop(with_fields(radar(bias="5 m"), **{"filter.sensor_models": own})).layout.extras == ()
 
@@ -264,17 +264,17 @@ def test_lasting_errors_act_on_scalars_of_their_own_or_by_partials_in_both_engin
     """FIXED: a constant error of each of two axes; SLOW: Gauss-Markov errors of body axes, seen in frame i."""
     only = with_fields(referenced(), **{"filter.measurements": ["attitude"]})
     alone = covariance(prepare_hop(only))
-    with patch.object(AttitudeReferenceCard, "lasting", lambda _: (FIXED, SLOW)):
-        prepared = prepare_hop(only)
-        shared = prepared.signals.shared
-        assert shared.start.tolist() == [2e-3] * 2 + [1e-3] * 3
-        assert len({*zip(shared.sources.tolist(), shared.satellites.tolist(), strict=True)}) == 5
+    with patch.object(AttitudeReferenceCard, "correlated_errors", lambda _: (FIXED, SLOW)):
+        prepared_case = prepare_hop(only)
+        shared = prepared_case.signals.correlated_errors
+        assert shared.initial_sigma.tolist() == [2e-3] * 2 + [1e-3] * 3
+        assert len({*zip(shared.source_keys.tolist(), shared.satellite_keys.tolist(), strict=True)}) == 5
         np.testing.assert_array_equal(
             shared.member[:, 6:9] >= 0, [[1, 0, 0], [0, 1, 0], [1, 1, 1], [1, 1, 1], [1, 1, 1]]
         )
-        body = matrices(view_of(prepared.trajectory, prepared.t_epoch).q_b_i)
+        body = matrices(flight_view(prepared_case.trajectory, prepared_case.t_epoch).q_b_i)
         np.testing.assert_array_equal(np.moveaxis(shared.partial[2:, :, 6:9], 0, 2), body)
-        cov, _ = agree(prepared, [0, 1, 2])
+        cov, _ = agree(prepared_case, [0, 1, 2])
     budget = dict(zip(cov.sources, cov.budget[-1], strict=True))
     assert budget["mount"][:3].sum() == pytest.approx(2.0 * 2e-3**2, rel=0.2)  # constant: not averaged
     assert 0.0 < budget["drift"][:3].sum() < 3.0 * 1e-3**2
@@ -283,9 +283,9 @@ def test_lasting_errors_act_on_scalars_of_their_own_or_by_partials_in_both_engin
 
 def test_two_sensors_of_one_kind_draw_lasting_errors_of_their_own():
     case = with_fields(radar(), sensors={name: {**RADAR, "bias": "2 m"} for name in ("port", "starboard")})
-    prepared = prepare_hop(case)
-    assert len(set(prepared.signals.shared.sources[-2:].tolist())) == 2
-    cov, _ = agree(prepared, [6, 7, 8])
+    prepared_case = prepare_hop(case)
+    assert len(set(prepared_case.signals.correlated_errors.source_keys[-2:].tolist())) == 2
+    cov, _ = agree(prepared_case, [6, 7, 8])
     assert {"altimeter bias port", "altimeter bias starboard"} < set(cov.sources)
 
 
@@ -312,11 +312,11 @@ def test_a_buffered_sensor_is_compared_with_the_state_of_its_time(feedback, late
     case = referenced(latency=f"{latency} s", sigma="0.5 mrad")
     on_time = covariance(prepare_hop(referenced(sigma="0.5 mrad")))
     case = with_fields(case, **{"filter.delay_compensation": {"kind": "buffered"}, "filter.feedback": feedback})
-    prepared = prepare_hop(case)
-    late = prepared.options.late
-    assert late.n_ring.tolist() == [1, math.floor(latency) + 1]
-    assert late.line.tolist() == [0] * 6 + [1] * 3
-    cov, _ = agree(prepared, [0, 1, 2, 3, 4, 5])
+    prepared_case = prepare_hop(case)
+    delays = prepared_case.options.delay_processing
+    assert delays.n_ring.tolist() == [1, math.floor(latency) + 1]
+    assert delays.line.tolist() == [0] * 6 + [1] * 3
+    cov, _ = agree(prepared_case, [0, 1, 2, 3, 4, 5])
     assert np.linalg.norm(cov.mean[-1, :3]) < 2e-6  # 0.4 arcsec
     np.testing.assert_allclose(cov.true_sigma[-1, :3], on_time.true_sigma[-1, :3], rtol=0.2)
 
@@ -326,7 +326,7 @@ def test_a_latency_of_a_sensor_alone_is_compensated_and_what_the_filter_takes_it
     alone = {"filter.measurements": ["attitude"], "filter.delay_compensation": {"kind": "buffered"}}
     own = {"filter.sensor_models": {"attitude": {"sigma": "1 mrad", "latency": "0.1 s"}}}
     matched, stated = (prepare_hop(with_fields(case, **alone, **more)) for more in ({}, own))
-    assert matched.options.late.line.tolist() == [-1] * 6 + [0] * 3
+    assert matched.options.delay_processing.line.tolist() == [-1] * 6 + [0] * 3
     assert np.linalg.norm(covariance(matched).mean[-1, :3]) < 2e-6
     behind = np.linalg.norm(motion(stated.trajectory, np.array([25.0])).w_ib_b) * 0.1
     assert np.linalg.norm(agree(stated, [0, 1, 2], runs=48)[0].mean[-1, :3]) == pytest.approx(behind, rel=0.05)

@@ -28,8 +28,8 @@ def test_burns_are_known_by_lift_off_ignitions_and_cut_offs():
 
 
 def test_steps_follow_the_phases_of_the_envelope():
-    prepared = modelled()
-    walk, t = prepared.options.vehicle.walk, prepared.reference.t[:-1]
+    prepared_case = modelled()
+    walk, t = prepared_case.options.vehicle.walk, prepared_case.reference.t[:-1]
     dt = 1.0 / 200.0
     burn, coast, change = (np.sqrt(walk[np.argmin(np.abs(t - at))]) / dt for at in (10.0, 27.0, 20.5))
     for found, unknown, axial in ((burn, 0.02, 15.0), (coast, 0.002, 10.0)):
@@ -42,7 +42,7 @@ def test_steps_follow_the_phases_of_the_envelope():
 
 
 def test_the_sigma_of_a_sample_is_density_times_root_of_the_rate():
-    vehicle, samples = modelled().options.vehicle, modelled().options.samples
+    vehicle, samples = modelled().options.vehicle, modelled().options.reported_samples
     # 144 deg/h and 23.4 mg: the noise that table 2 of Beaudoin et al. rests on
     assert math.degrees(math.sqrt(vehicle.variance[0])) * 3600.0 == pytest.approx(144.0, rel=1e-4)
     assert math.sqrt(vehicle.variance[3]) / 9.80665e-3 == pytest.approx(23.4, rel=1e-4)
@@ -50,17 +50,17 @@ def test_the_sigma_of_a_sample_is_density_times_root_of_the_rate():
 
 
 def test_true_motion_is_the_mean_over_each_tick():
-    prepared = modelled()
+    prepared_case = modelled()
     dt = 1.0 / 200.0
-    np.testing.assert_allclose(prepared.options.vehicle.rate * dt, prepared.reference.dtheta, rtol=1e-14)
-    np.testing.assert_allclose(prepared.options.vehicle.force * dt, prepared.reference.dvel, rtol=1e-14)
+    np.testing.assert_allclose(prepared_case.options.vehicle.rate * dt, prepared_case.reference.dtheta, rtol=1e-14)
+    np.testing.assert_allclose(prepared_case.options.vehicle.force * dt, prepared_case.reference.dvel, rtol=1e-14)
 
 
 def test_other_filters_have_no_such_settings_and_the_baseline_has_no_steps():
     assert case().options.vehicle is None
-    assert case().options.samples is None
+    assert case().options.reported_samples is None
     assert modelled(BASELINE).options.vehicle is None
-    assert modelled(BASELINE).options.samples is not None
+    assert modelled(BASELINE).options.reported_samples is not None
 
 
 @pytest.mark.parametrize(

@@ -64,12 +64,14 @@ def test_a_rest_that_is_none_is_refused(drive, changes, said):
 def test_a_force_that_is_not_gravity_is_refused(drive):
     card, log, _ = drive
     with pytest.raises(InputError, match=r"a mean specific force of 10\.7"):
-        align(log._replace(pushed=1.1 * log.pushed), card)
+        align(log._replace(velocity_sums=1.1 * log.velocity_sums), card)
 
 
 def test_a_body_that_stands_upright_has_the_heading_of_its_z_axis(drive):
     card, log, _ = drive
-    turned, pushed = (part @ np.array([[0, 0, 1.0], [0, 1.0, 0], [-1.0, 0, 0]]).T for part in (log.turned, log.pushed))
-    found = align(log._replace(turned=turned, pushed=pushed), card.model_copy(update={"heading": 1.0}))
+    turned, pushed = (
+        part @ np.array([[0, 0, 1.0], [0, 1.0, 0], [-1.0, 0, 0]]).T for part in (log.angle_sums, log.velocity_sums)
+    )
+    found = align(log._replace(angle_sums=turned, velocity_sums=pushed), card.model_copy(update={"heading": 1.0}))
     assert np.arctan2(found.C_b_n[1, 2], found.C_b_n[0, 2]) == pytest.approx(1.0)
     assert abs(found.C_b_n[2, 0]) > 0.99

@@ -104,7 +104,7 @@ def test_stamps_of_a_host_are_named_for_what_they_are_and_may_be_counted(tmp_pat
     assert f"the time stamps scatter by {1e3 * sigma:.2g}"[:-1] in str(fault.value)
     assert "about 600 rows" in str(fault.value)
     assert "no row is missing" in str(fault.value)
-    log = read_log(file, counted=True)
+    log = read_log(file, counts_rows=True)
     assert log.dt == pytest.approx(DT, rel=1e-3)
     assert np.ptp(np.diff(log.t)) < 1e-9
 
@@ -114,7 +114,7 @@ def test_a_row_that_is_missing_among_scattered_stamps_is_a_gap(tmp_path, missing
     file = _written(_host(missing=missing), tmp_path)
     for counted in (False, True):
         with pytest.raises(InputError, match=r"log.csv:\d+: a gap: no rows between"):
-            read_log(file, counted=counted)
+            read_log(file, counts_rows=counted)
 
 
 @pytest.mark.parametrize(

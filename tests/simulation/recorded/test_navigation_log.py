@@ -9,7 +9,7 @@ from pydantic import ValidationError
 
 from lvnav_trade.campaign.recorded_log import read_card
 from lvnav_trade.quantities.errors import InputError
-from lvnav_trade.simulation.recorded.navigation_log import NavigationLog, first_row_utc, read_recording, turning
+from lvnav_trade.simulation.recorded.navigation_log import NavigationLog, axis_rotation, first_row_utc, read_recording
 from tests import recorded_log
 
 
@@ -20,7 +20,7 @@ def test_sums_are_those_of_the_increments_in_body_axes(tmp_path, turned):
     assert log.t[0] == pytest.approx(0.0, abs=1e-9)
     noise = 6.0 * recorded_log.ARW * np.sqrt(log.t[-1])
     bias = recorded_log.GYRO_BIAS * log.t[-1]
-    np.testing.assert_allclose(log.turned[-1], ref.dtheta.sum(axis=0) + bias, rtol=0.0, atol=noise)
+    np.testing.assert_allclose(log.angle_sums[-1], ref.dtheta.sum(axis=0) + bias, rtol=0.0, atol=noise)
     assert log.epoch == recorded_log.EPOCH
     assert log.place[0, 0] == pytest.approx(recorded_log.PLACE[0], abs=1e-6)
 
@@ -33,8 +33,8 @@ def test_uneven_rows_have_the_sums_of_even_ones(tmp_path):
     even, uneven = (read_recording(read_card(one), one.parent) for one in (card, other))
     assert uneven.t.size < even.t.size
     at = np.searchsorted(even.t, uneven.t - 1e-6)
-    np.testing.assert_allclose(uneven.turned, even.turned[at], atol=1e-12)
-    np.testing.assert_allclose(uneven.pushed, even.pushed[at], atol=1e-9)
+    np.testing.assert_allclose(uneven.angle_sums, even.angle_sums[at], atol=1e-12)
+    np.testing.assert_allclose(uneven.velocity_sums, even.velocity_sums[at], atol=1e-9)
 
 
 def test_a_late_time_tag_is_taken_off(tmp_path):
@@ -46,7 +46,7 @@ def test_a_late_time_tag_is_taken_off(tmp_path):
 
 
 def test_axes_are_a_right_handed_triad():
-    np.testing.assert_array_equal(turning(("y", "-x", "z")) @ [1.0, 2.0, 3.0], [2.0, -1.0, 3.0])
+    np.testing.assert_array_equal(axis_rotation(("y", "-x", "z")) @ [1.0, 2.0, 3.0], [2.0, -1.0, 3.0])
     stated = {
         "name": "a",
         "source": "b",

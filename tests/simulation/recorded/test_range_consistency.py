@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from lvnav_trade.quantities.errors import InputError
-from lvnav_trade.simulation.recorded.range_consistency import RecordedRanges, compared
+from lvnav_trade.simulation.recorded.range_consistency import RecordedRanges, check_ranges
 
 N_EPOCH, N_SAT, RADIUS, TURN = 40, 7, 2.656e7, 1.4585e-4
 
@@ -41,7 +41,7 @@ def measured(needed=(0, 1)) -> RecordedRanges:
 
 
 def test_what_the_solutions_explain_is_used_whatever_the_clock():
-    used, notes = compared(case(), measured(), "ranges.csv")
+    used, notes = check_ranges(case(), measured(), "ranges.csv")
     assert used.all()
     assert notes == ()
 
@@ -49,8 +49,8 @@ def test_what_the_solutions_explain_is_used_whatever_the_clock():
 @pytest.mark.parametrize(("at", "off", "said"), [(0, 950.0, "by up to 9"), (1, -40.0, "by up to 4")])
 def test_a_single_measurement_that_misses_is_left_out_by_its_satellite(at, off, said):
     log = measured()
-    log.observed[5, 3, at] += off
-    used, (note,) = compared(case(), log, "ranges.csv")
+    log.measured_ranges[5, 3, at] += off
+    used, (note,) = check_ranges(case(), log, "ranges.csv")
     assert np.argwhere(~used).tolist() == [[5, 3]]
     assert said in note
     assert note.endswith("left out, by satellite: G03 (1)")
@@ -58,9 +58,9 @@ def test_a_single_measurement_that_misses_is_left_out_by_its_satellite(at, off, 
 
 def test_epochs_without_a_solution_are_not_compared():
     log, other = measured(), case()
-    log.observed[5, 3, 0] += 9e5
+    log.measured_ranges[5, 3, 0] += 9e5
     other.signals.n_used[5] = 0
-    assert compared(other, log, "ranges.csv")[1] == ()
+    assert check_ranges(other, log, "ranges.csv")[1] == ()
 
 
 @pytest.mark.parametrize(
@@ -74,22 +74,22 @@ def test_epochs_without_a_solution_are_not_compared():
 )
 def test_rates_that_contradict_the_solutions_are_refused_with_a_reading_that_fits(factor, hint):
     log = measured()
-    log = log._replace(observed=log.observed * [1.0, factor])
+    log = log._replace(measured_ranges=log.measured_ranges * [1.0, factor])
     with pytest.raises(InputError, match=f"ranges.csv: range_rate_m_s contradicts the solutions: .*{hint}"):
-        compared(case(), log, "ranges.csv")
-    assert compared(case(), log._replace(needed=[0]), "ranges.csv")[1] == ()  # a filter that takes no rates
+        check_ranges(case(), log, "ranges.csv")
+    assert check_ranges(case(), log._replace(columns=[0]), "ranges.csv")[1] == ()  # a filter that takes no rates
 
 
 @pytest.mark.parametrize(("late", "hint"), [(18.0, "18.0 s earlier"), (-18.0, "18.0 s later")])
 def test_satellites_of_another_time_are_named_with_the_time(late, hint):
     with pytest.raises(InputError, match=f"pseudorange_m contradicts the solutions: .*the satellites fit {hint}"):
-        compared(case(late), measured(needed=[0]), "ranges.csv")
+        check_ranges(case(late), measured(needed=[0]), "ranges.csv")
 
 
 def test_more_wild_measurements_than_a_tenth_are_refused():
     log = measured()
-    log.observed[::3, 2, 0] += 5000.0
-    log.observed[::3, 5, 0] -= 5000.0
-    log.observed[1::3, 1, 0] -= 5000.0
+    log.measured_ranges[::3, 2, 0] += 5000.0
+    log.measured_ranges[::3, 5, 0] -= 5000.0
+    log.measured_ranges[1::3, 1, 0] -= 5000.0
     with pytest.raises(InputError, match=r"ranges.csv: 41 of 280 ranges contradict the solutions, by up to 5\.\d+ km"):
-        compared(case(), log, "ranges.csv")
+        check_ranges(case(), log, "ranges.csv")

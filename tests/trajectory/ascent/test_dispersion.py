@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from lvnav_trade.quantities.errors import InputError
-from lvnav_trade.trajectory.ascent.dispersion import dispersed_ascent, fly_dispersed, pitched
+from lvnav_trade.trajectory.ascent.dispersion import dispersed_ascent, fly_dispersed, raise_pitch
 from lvnav_trade.trajectory.ascent.dispersion_card import Dispersion
 from lvnav_trade.trajectory.ascent.legs import TargetingUnknowns, fly_ascent
-from lvnav_trade.trajectory.ascent.targeting import left_in_orbit, solve
+from lvnav_trade.trajectory.ascent.targeting import flight_propellant_left, solve
 from lvnav_trade.trajectory.flight import build
 from lvnav_trade.trajectory.truth import motion
 from tests.trajectory.flight_cases import ascent_card
@@ -54,12 +54,12 @@ def test_a_motor_of_more_thrust_and_less_impulse_burns_shorter_and_an_empty_stag
     vehicle, aim, flight = dispersed_ascent(card)
     stage = card.vehicle.stages[1]
     assert flight.events["stage1_cutoff"] < nominal.events["stage1_cutoff"]
-    assert left_in_orbit(vehicle, flight, 2) == pytest.approx(0.0, abs=1e-5)
+    assert flight_propellant_left(vehicle, flight, 2) == pytest.approx(0.0, abs=1e-5)
     assert aim.burn == pytest.approx(stage.full_burn * 0.93 / 1.1, rel=1e-6)
 
 
 def test_a_pitch_programme_is_moved_by_the_angle():
-    aim = pitched(TargetingUnknowns(1.0, 0.1, 0.4, -0.2, 100.0), 0.01)
+    aim = raise_pitch(TargetingUnknowns(1.0, 0.1, 0.4, -0.2, 100.0), 0.01)
     assert aim.kick == pytest.approx(0.09)
     assert math.atan(aim.tangent) - math.atan(0.4) == pytest.approx(0.01)
     assert math.atan(aim.tangent_end) - math.atan(-0.2) == pytest.approx(0.01)

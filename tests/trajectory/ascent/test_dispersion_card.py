@@ -53,9 +53,9 @@ def test_spreads_that_the_vehicle_lacks_are_refused():
 
 
 def test_all_are_drawn_or_those_that_are_named():
-    assert Dispersion(draw="all").drawn == SOURCES
-    assert Dispersion(draw=("wind",)).drawn == ("wind",)
-    assert Dispersion(thrust=1.01).drawn == ()
+    assert Dispersion(draw="all").drawn_sources == SOURCES
+    assert Dispersion(draw=("wind",)).drawn_sources == ("wind",)
+    assert Dispersion(thrust=1.01).drawn_sources == ()
 
 
 def test_a_wind_length_without_wind_is_refused():

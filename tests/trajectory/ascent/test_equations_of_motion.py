@@ -13,11 +13,11 @@ from lvnav_trade.trajectory.ascent.equations_of_motion import (
     NOTHING,
     Drag,
     Propulsion,
-    Unthrottled,
+    UnthrottledMotors,
+    engine_thrust,
     fly,
     height_above,
     rates,
-    thrust_of,
     time_to_mass,
     unthrottled_thrust,
 )
@@ -29,33 +29,33 @@ ENGINE = Propulsion(1e6, 300.0, 1.0, 60.0)
 
 
 def test_thrust_loses_ambient_pressure_times_exit_area():
-    thrust, throttle = thrust_of(1e5, 101325.0, ENGINE)
+    thrust, throttle = engine_thrust(1e5, 101325.0, ENGINE)
     assert thrust == pytest.approx(1e6 - 101325.0, rel=1e-6)
     assert throttle == pytest.approx(1.0, rel=1e-6)
 
 
 @pytest.mark.parametrize("mass", [1e4, 1.6e4, 1.7e4, 2e4])
 def test_thrust_stays_below_the_load_limit(mass):
-    thrust, throttle = thrust_of(mass, 0.0, ENGINE)
+    thrust, throttle = engine_thrust(mass, 0.0, ENGINE)
     assert thrust <= 60.0 * mass
     assert throttle < 1.0
 
 
 def test_an_engine_without_a_limit_is_not_throttled():
-    assert thrust_of(10.0, 0.0, ENGINE._replace(max_load=math.inf)) == (1e6, 1.0)
+    assert engine_thrust(10.0, 0.0, ENGINE._replace(max_load=math.inf)) == (1e6, 1.0)
 
 
 def test_the_limit_counts_the_thrust_of_other_motors():
-    thrust, throttle = thrust_of(3e4, 0.0, ENGINE, 1.2e6)
+    thrust, throttle = engine_thrust(3e4, 0.0, ENGINE, 1.2e6)
     assert thrust + 1.2e6 <= 60.0 * 3e4
     assert thrust == pytest.approx(6e5, rel=0.05)
     assert throttle == pytest.approx(thrust / 1e6)
-    assert thrust_of(1e4, 0.0, ENGINE, 1.2e6)[0] == 0.0  # nothing is left to throttle
+    assert engine_thrust(1e4, 0.0, ENGINE, 1.2e6)[0] == 0.0  # nothing is left to throttle
 
 
 def test_a_motor_of_straight_thrust_burns_what_its_flow_says():
     # Straight up, far from the Earth: mass falls with the integral of the flow, speed gains the log.
-    motor = Unthrottled(5.0, 9e5, -4e3, 300.0, -4.0 / 3.0, 0.5)
+    motor = UnthrottledMotors(5.0, 9e5, -4e3, 300.0, -4.0 / 3.0, 0.5)
     y0 = np.array([1e9, 0.0, 0.0, 0.0, 0.0, 0.0, 1e5])
     still = steering(kick_angle=0.0, follow_start=np.inf, law_start=np.array([np.inf]))
     _, y = fly(5.0, 100.0, 400, y0, still, Propulsion(0.0, 0.0, 0.0, 1.0, motor), VACUUM)
@@ -65,7 +65,7 @@ def test_a_motor_of_straight_thrust_burns_what_its_flow_says():
 
 
 def test_motors_that_cannot_be_throttled_lose_pressure_times_exit_area_and_never_pull():
-    motor = Unthrottled(0.0, 9e5, 0.0, 300.0, 0.0, 0.5)
+    motor = UnthrottledMotors(0.0, 9e5, 0.0, 300.0, 0.0, 0.5)
     assert unthrottled_thrust(7.0, 101325.0, motor) == pytest.approx((9e5 - 0.5 * 101325.0, 300.0))
     assert unthrottled_thrust(7.0, 101325.0, motor._replace(thrust=1e4))[0] == 0.0
     assert unthrottled_thrust(7.0, 101325.0, NOTHING) == (0.0, 0.0)

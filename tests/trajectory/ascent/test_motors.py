@@ -30,12 +30,14 @@ def boosted(**changes):
 
 def integrals(card, number, ends):
     """Impulse (N s) in vacuum and mass (kg) of a stage's burn until `ends`, from its pieces, straight each."""
-    points = [0.0, *(cut.after for cut in cuts(card, number) if cut.after < ends), ends]
+    points = [0.0, *(cut.time_from_ignition for cut in cuts(card, number) if cut.time_from_ignition < ends), ends]
     impulse = mass = 0.0
     for begin, end in pairwise(points):
         if end > begin:
             push = engine(card, number, 0.0, begin, end)
-            forces, flows = zip(*(unthrottled_thrust(t, 0.0, push.unthrottled) for t in (begin, end)), strict=True)
+            forces, flows = zip(
+                *(unthrottled_thrust(t, 0.0, push.unthrottled_motors) for t in (begin, end)), strict=True
+            )
             impulse += (push.thrust + 0.5 * sum(forces)) * (end - begin)
             mass += (push.mass_flow + 0.5 * sum(flows)) * (end - begin)
     return impulse, mass
@@ -60,8 +62,8 @@ def test_whatever_its_profile_a_motor_burns_its_propellant_at_its_specific_impul
 def test_the_peak_of_the_first_motor_of_vega_is_the_published_one():
     # 683,000 lbf = 3038 kN (timeline of VV01).
     card = vehicle("vega_polar")
-    peak = max(unthrottled_thrust(cut.after, 0.0, engine(card, 1, 0.0, cut.after, cut.after + 1.0).unthrottled)[0]
-               for cut in cuts(card, 1))  # fmt: skip
+    times = [cut.time_from_ignition for cut in cuts(card, 1)]
+    peak = max(unthrottled_thrust(t, 0.0, engine(card, 1, 0.0, t, t + 1.0).unthrottled_motors)[0] for t in times)
     assert peak == pytest.approx(3038e3, rel=0.03)
 
 
@@ -75,7 +77,7 @@ def test_boosters_burn_beside_the_core():
 
 
 def test_boosters_are_lit_burn_out_and_are_dropped_in_this_order():
-    found = [(cut.event, cut.after, cut.drop) for cut in cuts(boosted(), 1) if cut.event]
+    found = [(cut.event, cut.time_from_ignition, cut.dropped_mass) for cut in cuts(boosted(), 1) if cut.event]
     assert found == [("pair_ignition", 10.0, 0.0), ("pair_cutoff", 70.0, 0.0), ("pair_separation", 72.0, 1000.0)]
 
 
@@ -87,7 +89,7 @@ def test_the_fairing_is_dropped_in_its_stage_alone():
 
 def test_boosters_push_only_between_ignition_and_cutoff():
     card = boosted()
-    beside = [engine(card, 1, 0.0, *span).unthrottled for span in ((0.0, 10.0), (10.0, 70.0), (70.0, math.inf))]
+    beside = [engine(card, 1, 0.0, *span).unthrottled_motors for span in ((0.0, 10.0), (10.0, 70.0), (70.0, math.inf))]
     mean = 2.0 * 3000.0 * STANDARD_GRAVITY * 260.0 / 60.0
     assert [motors.thrust for motors in beside] == pytest.approx([0.0, mean, 0.0], rel=1e-12)
 
@@ -108,11 +110,11 @@ def test_the_ideal_speed_with_boosters_is_the_integral_of_thrust_over_mass():
     card = boosted()
     t, h, first = 0.0, 0.01, card.stages[0]
     mass, gain = 1000.0 + 9000.0 + 850.0 + 250.0 + 54000.0 + 4600.0 + 2.0 * 3500.0, 0.0
-    drops = {round(cut.after, 2): cut.drop for cut in cuts(card, 1) if cut.drop}
+    drops = {round(cut.time_from_ignition, 2): cut.dropped_mass for cut in cuts(card, 1) if cut.dropped_mass}
     while t < first.full_burn - 1e-6:
         push = engine(card, 1, 0.0, t, t + h)
-        flow = push.mass_flow + push.unthrottled.mass_flow
-        gain += (push.thrust + push.unthrottled.thrust) * h / (mass - 0.5 * flow * h)
+        flow = push.mass_flow + push.unthrottled_motors.mass_flow
+        gain += (push.thrust + push.unthrottled_motors.thrust) * h / (mass - 0.5 * flow * h)
         mass -= flow * h
         t += h
         mass -= drops.get(round(t, 2), 0.0)
@@ -125,9 +127,9 @@ def test_beyond_its_burn_time_a_stage_that_guidance_cuts_off_keeps_the_thrust_of
     card = vehicle("electron_leo")
     stage = card.stages[1]
     push = engine(card, 2, 0.0, stage.full_burn, stage.full_burn + 10.0)
-    assert push.unthrottled.thrust_slope == 0.0
-    before = engine(card, 2, 0.0, cuts(card, 2)[-2].after, stage.full_burn)
-    assert push.unthrottled.thrust == pytest.approx(
-        unthrottled_thrust(stage.full_burn, 0.0, before.unthrottled)[0], rel=1e-12
+    assert push.unthrottled_motors.thrust_slope == 0.0
+    before = engine(card, 2, 0.0, cuts(card, 2)[-2].time_from_ignition, stage.full_burn)
+    assert push.unthrottled_motors.thrust == pytest.approx(
+        unthrottled_thrust(stage.full_burn, 0.0, before.unthrottled_motors)[0], rel=1e-12
     )
-    assert np.isfinite(push.unthrottled.thrust)
+    assert np.isfinite(push.unthrottled_motors.thrust)

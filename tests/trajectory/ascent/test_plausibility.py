@@ -45,7 +45,7 @@ def table(tmp_path, boost=0.0, roll=0.0, pitch=0.0, **own):
 
 
 def remarks(flight):
-    return [one.text for one in flight.remarks if one.kind == BEYOND]
+    return [one.text for one in flight.remarks if one.category == BEYOND]
 
 
 def refusals(own):

@@ -20,7 +20,7 @@ from lvnav_trade.quantities.frames import (
     rotation_i_n,
     unit,
 )
-from lvnav_trade.trajectory.ascent.profile import RecordedAscent, course, rebuild, tracks_of
+from lvnav_trade.trajectory.ascent.profile import RecordedAscent, course, rebuild, rebuilt_phases
 from lvnav_trade.trajectory.ascent.record import Climb, read
 from lvnav_trade.trajectory.ascent.vehicle_cards import Site
 from lvnav_trade.trajectory.truth import BEYOND, NOTE, WARNING, motion
@@ -34,7 +34,7 @@ CLIMB = Climb(make_interp_spline(T, 1.2 * T**2, k=5), make_interp_spline(T, 0.03
 
 @pytest.fixture(scope="module")
 def stretches():
-    return tracks_of(course(SITE, AZIMUTH, CLIMB, [150.0, 160.0], 0.4), 20.0)
+    return rebuilt_phases(course(SITE, AZIMUTH, CLIMB, [150.0, 160.0], 0.4), 20.0)
 
 
 def state_at(stretches, t):
@@ -185,7 +185,7 @@ def wrong_digits(share=0.15):
 
 
 def notes(flight):
-    return [one.text for one in flight.remarks if one.kind == NOTE]
+    return [one.text for one in flight.remarks if one.category == NOTE]
 
 
 LIMITS = ("highest_load", "highest_rate", "highest_spin", "highest_misfit")
@@ -211,7 +211,7 @@ def test_limits_that_are_raised_let_a_record_with_wrong_digits_fly_and_say_so(tm
         "highest_misfit": 900,
     }
     flight = rebuild(card_of(tmp_path, wrong_digits(), **raised))
-    (line,) = (one.text for one in flight.remarks if one.kind == BEYOND)
+    (line,) = (one.text for one in flight.remarks if one.category == BEYOND)
     assert "RMS misfit to the record" in line
     assert "specific force" in line
     assert "(usually at most 15 g)" in line
@@ -260,7 +260,7 @@ def test_a_record_without_events_of_stages_suggests_them(tmp_path):
     }
     raised |= {"speed_noise": "0.2 m/s", "altitude_noise": "10 m", "events": {"injection": "558 s"}}
     flight = rebuild(card_of(tmp_path, rows_of_the_shipped_flight(noise=0.1), **raised))
-    (line,) = (one.text for one in flight.remarks if one.kind == WARNING)
+    (line,) = (one.text for one in flight.remarks if one.category == WARNING)
     found = YAML(typ="safe").load(line.partition("as YAML: ")[2])["events"]
     assert list(found) == ["stage1_cutoff", "stage2_ignition"]
     times = [float(time.split()[0]) for time in found.values()]

@@ -8,7 +8,7 @@ import pytest
 from lvnav_trade.kernels.earth import GM, SEMI_MAJOR
 from lvnav_trade.quantities.errors import InputError
 from lvnav_trade.quantities.frames import earth_angle, earth_velocity, ecef_from_eci, geodetic_from_ecef
-from lvnav_trade.trajectory.ascent.record import AscentRecord, differences, force_along, read, smooth
+from lvnav_trade.trajectory.ascent.record import AscentRecord, differences, path_force, read, smooth
 from lvnav_trade.trajectory.ascent.vehicle_cards import FlightRecords
 from lvnav_trade.trajectory.truth import motion
 from tests.trajectory.flight_cases import ascent, ascent_card, record_settings
@@ -62,7 +62,7 @@ def test_a_broken_record_is_refused_with_file_line_and_fault(tmp_path, lines, fa
 
 def test_the_force_along_the_path_is_that_of_the_climb():
     t, h, w, u = known_climb()
-    force = force_along(AscentRecord(t, np.hypot(w, u), h))
+    force = path_force(AscentRecord(t, np.hypot(w, u), h))
     assert force.size == t.size - 1
     burning, coasting = (t[1:] < 149.0) & (t[:-1] > 5.0), (t[1:] > 150.0) & (t[1:] < 160.0)
     middle = 0.5 * (t[1:] + t[:-1])

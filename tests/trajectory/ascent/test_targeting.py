@@ -11,7 +11,7 @@ import pytest
 from lvnav_trade.quantities.errors import InputError
 from lvnav_trade.quantities.frames import elements_from_state
 from lvnav_trade.trajectory.ascent import targeting
-from lvnav_trade.trajectory.ascent.launch import achieved
+from lvnav_trade.trajectory.ascent.launch import achieved_orbit
 from lvnav_trade.trajectory.ascent.legs import fly_ascent
 from lvnav_trade.trajectory.ascent.targeting import propellant_left, solve
 from tests.trajectory.flight_cases import ascent_card, ascent_settings
@@ -29,7 +29,7 @@ def test_the_orbit_is_reached_within_1_km_and_a_hundredth_of_a_degree(perigee, a
     card = ascent_card(target=orbit(f"{perigee} km", f"{apogee} km", f"{inclination} deg", direction))
     aim = solve(card)
     flight = fly_ascent(card, aim, final_coast=False)
-    low, high, tilt = achieved(flight.legs[-1].y[-1]).values()
+    low, high, tilt = achieved_orbit(flight.legs[-1].y[-1]).values()
     assert low == pytest.approx(1000.0 * perigee, abs=1000.0)
     assert high == pytest.approx(1000.0 * apogee, abs=1000.0)
     assert math.degrees(tilt) == pytest.approx(inclination, abs=0.01)
@@ -41,7 +41,7 @@ def test_a_parking_orbit_is_left_by_a_second_burn():
     card = ascent_card(target=orbit("500 km", "500 km", "45 deg"), parking={"perigee": "200 km"}, kick_angle="3 deg")
     aim = solve(card)
     flight = fly_ascent(card, aim, final_coast=False)
-    low, high, tilt = achieved(flight.legs[-1].y[-1]).values()
+    low, high, tilt = achieved_orbit(flight.legs[-1].y[-1]).values()
     assert (low, high) == pytest.approx((500e3, 500e3), abs=1000.0)
     assert math.degrees(tilt) == pytest.approx(45.0, abs=0.01)
     names = ["stage2_ignition", "fairing_separation", "stage2_cutoff", "stage2_ignition_2", "stage2_cutoff_2"]
@@ -79,10 +79,10 @@ def test_a_far_too_heavy_payload_is_refused_with_the_missing_delta_v_and_what_ca
 def test_a_payload_whose_targeting_ends_in_no_number_does_not_reach_the_orbit(monkeypatch):
     card = ascent_card(kick_angle="3 deg")
     solution = targeting._reach(card, card.kick_angle, targeting._first_guess(card), 80)
-    assert targeting._reaches(card, card.vehicle.payload)
+    assert targeting._reaches_orbit(card, card.vehicle.payload)
     solution.fun = np.full(4, np.nan)
     monkeypatch.setattr(targeting, "_reach", lambda *_: solution)
-    assert not targeting._reaches(card, card.vehicle.payload)
+    assert not targeting._reaches_orbit(card, card.vehicle.payload)
 
 
 def test_an_orbit_beyond_even_the_empty_vehicle_is_refused_with_the_least_that_is_missing():
@@ -105,7 +105,7 @@ def test_a_stage_below_the_last_may_reach_the_parking_orbit():
     )
     aim = solve(card)
     flight = fly_ascent(card, aim, final_coast=False)
-    assert tuple(achieved(flight.legs[-1].y[-1]).values())[:2] == pytest.approx((400e3, 400e3), abs=1000.0)
+    assert tuple(achieved_orbit(flight.legs[-1].y[-1]).values())[:2] == pytest.approx((400e3, 400e3), abs=1000.0)
     names = ["stage2_cutoff", "stage2_separation", "stage3_ignition", "stage3_cutoff", "injection"]
     assert [name for name in flight.events if name in names] == names
     # The last stage starts full: Hohmann's second burn by the rocket equation; oblateness takes some metres per second.
@@ -120,7 +120,7 @@ def test_a_true_anomaly_puts_injection_past_perigee():
     y = fly_ascent(card, solve(card), final_coast=False).legs[-1].y[-1]
     elements = elements_from_state(y[:3], y[3:6])
     assert math.degrees(float(elements.true_anomaly)) == pytest.approx(40.0, abs=1e-4)
-    assert tuple(achieved(y).values())[:2] == pytest.approx((250e3, 600e3), abs=10.0)
+    assert tuple(achieved_orbit(y).values())[:2] == pytest.approx((250e3, 600e3), abs=10.0)
 
 
 @pytest.mark.parametrize("offset", [-15.0, 15.0])
@@ -131,7 +131,7 @@ def test_a_prescribed_azimuth_is_kept_and_the_plane_turned_above_it(offset):
     assert aim.azimuth == pytest.approx(free.azimuth + math.radians(offset))
     assert aim.yaw * offset < 0.0  # back to where the free one went
     assert math.degrees(
-        achieved(fly_ascent(card, aim, final_coast=False).legs[-1].y[-1])["inclination_rad"]
+        achieved_orbit(fly_ascent(card, aim, final_coast=False).legs[-1].y[-1])["inclination_rad"]
     ) == pytest.approx(45.0)
     assert aim.burn > free.burn
 
@@ -159,5 +159,5 @@ def test_a_second_stage_may_light_the_moment_the_first_is_dropped():
     aim = solve(card)
     flight = fly_ascent(card, aim)
     assert flight.events["stage2_ignition"] == flight.events["stage1_separation"]
-    low = achieved(flight.legs[-1].y[0])["perigee_m"]
+    low = achieved_orbit(flight.legs[-1].y[0])["perigee_m"]
     assert low == pytest.approx(card.target.perigee, abs=1000.0)

@@ -9,7 +9,13 @@ import pytest
 
 from lvnav_trade.imu.error_model import ImuCard
 from lvnav_trade.quantities.errors import InputError
-from lvnav_trade.trajectory.files.contradiction import PRECISION, Residual, growth, limit, require_consistent
+from lvnav_trade.trajectory.files.contradiction import (
+    PRECISION,
+    Residual,
+    error_growth,
+    require_consistent,
+    residual_limit,
+)
 
 IMU = ImuCard.model_validate(
     {
@@ -27,28 +33,28 @@ def test_growth_is_that_of_many_integrated_noises_and_biases():
     walk, bias = 0.2e-3 * 9.80665, 1e-3 * 9.80665
     a = rng.normal(0.0, walk / math.sqrt(dt), (n, steps)) + rng.normal(0.0, bias, (n, 1))
     v = np.cumsum(a, axis=1) * dt
-    assert np.std(v[:, -1]) == pytest.approx(growth(IMU, "velocity", 100.0), rel=0.04)
-    assert np.std(np.sum(v, axis=1) * dt) == pytest.approx(growth(IMU, "position", 100.0), rel=0.04)
+    assert np.std(v[:, -1]) == pytest.approx(error_growth(IMU, "velocity", 100.0), rel=0.04)
+    assert np.std(np.sum(v, axis=1) * dt) == pytest.approx(error_growth(IMU, "position", 100.0), rel=0.04)
 
 
 def test_growth_of_each_kind_is_the_closed_form():
-    assert growth(IMU, "attitude", 3600.0) == pytest.approx(math.radians(math.hypot(0.1, 5.0)))  # after an hour
+    assert error_growth(IMU, "attitude", 3600.0) == pytest.approx(math.radians(math.hypot(0.1, 5.0)))  # after an hour
     bias, walk = 1e-3 * 9.80665, 0.2e-3 * 9.80665
-    assert growth(IMU, "velocity", 100.0) == pytest.approx(math.hypot(100.0 * bias, 10.0 * walk))
+    assert error_growth(IMU, "velocity", 100.0) == pytest.approx(math.hypot(100.0 * bias, 10.0 * walk))
     expected = math.hypot(5000.0 * bias, walk * math.sqrt(1e6 / 3.0))
-    assert growth(IMU, "position", 100.0) == pytest.approx(expected)
+    assert error_growth(IMU, "position", 100.0) == pytest.approx(expected)
 
 
 def test_the_limit_is_a_tenth_of_the_growth_over_the_stretch_and_what_rounding_makes():
     one = Residual("position", 20.0, 120.0, 50.0, 1.0, 0.01)
-    assert limit(one, IMU) == pytest.approx(0.1 * growth(IMU, "position", 100.0) + 0.05)
+    assert residual_limit(one, IMU) == pytest.approx(0.1 * error_growth(IMU, "position", 100.0) + 0.05)
     short = one._replace(end=20.5)  # a stretch of half a second counts as ten
-    assert limit(short, IMU) == pytest.approx(0.1 * growth(IMU, "position", 10.0) + 0.05)
+    assert residual_limit(short, IMU) == pytest.approx(0.1 * error_growth(IMU, "position", 10.0) + 0.05)
 
 
 def test_the_worst_point_beyond_its_limit_is_named_with_place_and_size():
     good = Residual("velocity", 0.0, 100.0, 30.0, 0.09, 0.0)
-    allowed = limit(good, IMU)
+    allowed = residual_limit(good, IMU)
     require_consistent([good._replace(size=0.999 * allowed)], IMU, "mine.csv")
     bad = [good._replace(size=1.001 * allowed), Residual("position", 100.0, 200.0, 150.25, 60.0, 0.0)]
     with pytest.raises(InputError, match=r"mine.csv: its velocity, .* by 60 m at 150.25 s .*allowed are 4\.9"):

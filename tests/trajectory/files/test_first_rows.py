@@ -34,7 +34,7 @@ def own(tmp_path, table: pd.DataFrame, **fields):
 
 
 def said(trajectory, kind: str) -> list[str]:
-    return [remark.text for remark in trajectory.remarks if remark.kind == kind]
+    return [remark.text for remark in trajectory.remarks if remark.category == kind]
 
 
 def in_j2000(rows: pd.DataFrame, epoch: str) -> pd.DataFrame:
@@ -51,7 +51,7 @@ def in_j2000(rows: pd.DataFrame, epoch: str) -> pd.DataFrame:
 def test_columns_of_j2000_are_the_flight_in_axes_of_date(tmp_path, rows) -> None:
     epoch = example_settings()["epoch"]
     in_j2000(rows, epoch).to_csv(tmp_path / "mine.csv", index=False)
-    found = {one.part: one.content for one in guess(str(tmp_path / "mine.csv"))}
+    found = {one.field: one.content for one in guess(str(tmp_path / "mine.csv"))}
     assert (found["position"]["frame"], found["velocity"]["frame"]) == ("j2000", "j2000")
     settings = {**example_settings(), "file": str(tmp_path / "mine.csv"), **found}
     settings.pop("attitude")

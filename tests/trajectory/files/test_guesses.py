@@ -9,7 +9,7 @@ import pytest
 
 from lvnav_trade.quantities.data_file import read_columns
 from lvnav_trade.quantities.errors import InputError
-from lvnav_trade.trajectory.files.first_rows import readings
+from lvnav_trade.trajectory.files.first_rows import interpretations
 from lvnav_trade.trajectory.files.guesses import guess
 
 EXAMPLE = "configs/trajectories/example_table.csv"
@@ -28,7 +28,7 @@ def rows() -> np.ndarray:
 
 
 def content(file: str) -> dict[str, object]:
-    return {one.part: one.content for one in guess(file)}
+    return {one.field: one.content for one in guess(file)}
 
 
 def test_names_with_units_in_any_brackets_are_known(rows, tmp_path: Path) -> None:
@@ -105,6 +105,6 @@ def test_a_quaternion_has_sixteen_readings_and_the_guessed_one_is_first() -> Non
         "scalar": "last",
         "turns": "body_to_frame",
     }
-    found = list(readings(guessed))
+    found = list(interpretations(guessed))
     assert found[0] == guessed
     assert len({tuple(map(str, one.values())) for one in found}) == 16

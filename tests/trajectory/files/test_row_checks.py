@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from lvnav_trade.quantities.errors import InputError
-from lvnav_trade.trajectory.files.row_checks import doubled, rounding, usable
+from lvnav_trade.trajectory.files.row_checks import find_pair_starts, rounding, usable_rows
 
 
 @pytest.mark.parametrize(
@@ -21,12 +21,12 @@ from lvnav_trade.trajectory.files.row_checks import doubled, rounding, usable
 )
 def test_times_that_repeat_go_back_or_leave_a_gap_are_refused(t, fault):
     with pytest.raises(InputError, match=fault):
-        usable(np.array(t), {}, "a.csv", [str(k) for k in range(5, 5 + len(t))])
+        usable_rows(np.array(t), {}, "a.csv", [str(k) for k in range(5, 5 + len(t))])
 
 
 def test_a_change_of_rate_is_no_gap():
     t = np.concatenate([np.arange(0.0, 5.0, 0.1), np.arange(5.0, 30.0)])
-    assert usable(t, {}, "a.csv", [""] * 100) == (t.size, [], [])
+    assert usable_rows(t, {}, "a.csv", [""] * 100) == (t.size, [], [])
 
 
 def with_holes(*spans):
@@ -38,28 +38,28 @@ def with_holes(*spans):
 
 def test_a_hole_of_less_than_a_second_is_filled_whatever_the_rate_and_said():
     t, places = with_holes((20.0, 20.83))
-    count, (hole,), notes = usable(t, {}, "a.csv", places)
+    count, (hole,), notes = usable_rows(t, {}, "a.csv", places)
     assert (count, hole.start) == (t.size, pytest.approx(20.0))
     assert notes == ["no data from 20 to 20.8333 s: a spline through the rows on both sides fills the hole"]
-    _, both, (note,) = usable(*with_holes((20.0, 20.83), (30.0, 30.9))[:1], {}, "a.csv", places)
+    _, both, (note,) = usable_rows(*with_holes((20.0, 20.83), (30.0, 30.9))[:1], {}, "a.csv", places)
     assert len(both) == 2
     assert note.startswith("2 holes without data, the longest from 30 to 30.9")
     with pytest.raises(
         InputError, match=r"no data between 20 s and 21\.2 s, where the rows around are 0\.0333 s apart; at "
     ):
-        usable(*with_holes((20.0, 21.2))[:1], {}, "a.csv", places)
+        usable_rows(*with_holes((20.0, 21.2))[:1], {}, "a.csv", places)
 
 
 def test_a_hole_after_the_last_event_ends_the_flight_and_one_before_it_is_refused():
     t, places = with_holes((40.0, 55.0))
-    count, holes, notes = usable(t, {"injection": 39.5}, "a.csv", places)
+    count, holes, notes = usable_rows(t, {"injection": 39.5}, "a.csv", places)
     assert (t[count - 1], holes) == (pytest.approx(40.0), [])
     assert notes == [
         "no data from 40 to 55 s, after the last event: the flight ends there and the rows behind it are left out"
     ]
     for events in ({}, {"injection": 45.0}, {"injection": 39.5, "separation": 58.0}):
         with pytest.raises(InputError, match="no data between 40 s and 55 s"):
-            usable(t, events, "a.csv", places)
+            usable_rows(t, events, "a.csv", places)
 
 
 @pytest.mark.parametrize(
@@ -86,5 +86,5 @@ def test_columns_that_hardly_vary_or_carry_all_digits_are_not_rounded():
 
 def test_the_first_of_two_rows_at_an_event_ends_the_phase_before_it():
     t = np.array([0.0, 1.0, 1.0, 2.0, 2.0, 3.0])
-    assert doubled(t, {"cutoff": 1.0}).tolist() == [False, True, False, False, False, False]
-    assert not doubled(t, {}).any()
+    assert find_pair_starts(t, {"cutoff": 1.0}).tolist() == [False, True, False, False, False, False]
+    assert not find_pair_starts(t, {}).any()

@@ -11,7 +11,7 @@ from lvnav_trade.quantities.errors import InputError
 from lvnav_trade.quantities.frames import earth_velocity, matrices, unit
 from lvnav_trade.trajectory.ascent.vehicle_cards import Roll
 from lvnav_trade.trajectory.files.row_fit import row_fit
-from lvnav_trade.trajectory.files.splines import along_path, fit
+from lvnav_trade.trajectory.files.splines import fit, path_attitude
 from lvnav_trade.trajectory.flight import Phase, Trajectory, motion
 from tests.trajectory.flight_cases import ascent
 from tests.trajectory.tables import card, example_settings
@@ -81,7 +81,7 @@ EDGES = [0.0, 150.4932, 153.4932, 158.4932, 183.4932, 549.3082, 569.0]
 
 def flown(along, edges=EDGES, hold=60.0):
     path = row_fit(card(example_settings()))
-    spline = along_path(path.position, edges, path.rows.theta0, along, Roll(), hold)
+    spline = path_attitude(path.position, edges, path.rows.theta0, along, Roll(), hold)
     phases = tuple(Phase("", a, b, path.position, spline) for a, b in pairwise(edges))
     return Trajectory(phases, {}, path.rows.theta0, ""), spline
 

@@ -267,7 +267,7 @@ def test_an_attitude_noisier_than_stated_is_a_residual(tmp_path):
     own |= {"file": str(tmp_path / "bent.csv")}
     assert build(card(own)).facts["attitude_from_half_the_rows_worst_rad"] > np.radians(0.05)
     smooth = card(own, attitude_noise="0.2 arcsec")
-    worst = max((one for one in residuals(smooth) if one.what == "attitude"), key=lambda one: one.size)
+    worst = max((one for one in residuals(smooth) if one.quantity == "attitude"), key=lambda one: one.size)
     assert worst.time == pytest.approx(200.0, abs=1.0)
     with pytest.raises(InputError, match=r"the spline and its attitude part by .* deg at "):
         require_consistent(residuals(smooth), imu(), "bent.csv")
@@ -293,7 +293,7 @@ def test_rows_that_carry_all_digits_pass_an_ideal_unit(tmp_path, rate, record_pr
     attitude = {"form": "quaternion", "frame": "eci", "columns": ["q0", "q1", "q2", "q3"], "scalar": "first"}
     settings = write(tmp_path, columns, attitude={**attitude, "turns": "body_to_frame"})
     own = card(settings, largest_force_angle="180 deg")
-    worst = {what: max(one.size for one in residuals(own) if one.what == what) for what in PRECISION}
+    worst = {what: max(one.size for one in residuals(own) if one.quantity == what) for what in PRECISION}
     assert worst["position"] > 0.0
     record_property(f"rows of all digits at {rate:g} Hz, worst residuals", worst)
     refuse_contradiction(own, IDEAL)
@@ -301,7 +301,7 @@ def test_rows_that_carry_all_digits_pass_an_ideal_unit(tmp_path, rate, record_pr
 
 def test_a_file_without_events_suggests_them_where_its_force_jumps(tmp_path):
     flight = build(card(write(tmp_path, events={})))
-    (line,) = (one.text for one in flight.remarks if one.kind == WARNING)
+    (line,) = (one.text for one in flight.remarks if one.category == WARNING)
     assert line.endswith("as YAML: events: {fall_1: 40.00 s}")
     assert build(card(write(tmp_path))).remarks == ()
     assert build(card(example_settings())).remarks == ()
@@ -336,7 +336,7 @@ def test_holes_are_said_and_a_gap_after_the_last_event_ends_the_flight(tmp_path)
     t = t[~((t > 20.0) & (t < 20.8)) & ~((t > 60.0) & (t < 75.0))]
     r, v = path(t)
     flight = build(card(write(tmp_path, {"t": t, **named("xyz", r), **named(("vx", "vy", "vz"), v)})))
-    first, second = (one.text for one in flight.remarks if one.kind == NOTE)
+    first, second = (one.text for one in flight.remarks if one.category == NOTE)
     assert first.startswith("no data from 20 to 20.8 s")
     assert second.startswith("no data from 60 to 75 s, after the last event: the flight ends there")
     assert flight.end == pytest.approx(60.0)

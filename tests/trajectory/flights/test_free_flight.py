@@ -14,20 +14,20 @@ from lvnav_trade.trajectory.ascent.equations_of_motion import Drag
 from lvnav_trade.trajectory.flights.free_flight import (
     AttitudeLaw,
     Thrust,
-    along_airspeed,
-    along_velocity,
+    airspeed_law,
     attitude,
     climb,
-    fixed_to_stars,
     fly,
     greatest_load,
     height,
+    inertial_law,
     knots,
-    level,
+    level_attitude,
     newton,
-    nose,
+    nose_direction,
     phases,
-    turned,
+    rotate_law,
+    velocity_law,
 )
 from lvnav_trade.trajectory.truth import attitude_spline
 from tests.potential import potential_j4
@@ -44,12 +44,12 @@ def circle():
 
 
 Y = circle()
-FORWARD, BACKWARD = AttitudeLaw(-math.inf, 0.0, along_velocity()), AttitudeLaw(50.0, 60.0, along_velocity(-1.0))
+FORWARD, BACKWARD = AttitudeLaw(-math.inf, 0.0, velocity_law()), AttitudeLaw(50.0, 60.0, velocity_law(-1.0))
 
 
 def test_forward_and_backward_are_along_the_velocity_with_z_to_the_earth():
     for sign in (1.0, -1.0):
-        C = along_velocity(sign)(T, Y)
+        C = velocity_law(sign)(T, Y)
         assert np.max(np.abs(C[:, :, 0] - sign * unit(Y[:, 3:6]))) < 1e-14
         assert np.max(np.abs(C[:, :, 2] + unit(Y[:, :3]))) < 1e-12
 
@@ -57,26 +57,26 @@ def test_forward_and_backward_are_along_the_velocity_with_z_to_the_earth():
 def test_level_is_across_the_radius_in_the_plane_of_the_orbit():
     climbing = Y.copy()
     climbing[:, 3:6] += 500.0 * unit(Y[:, :3])
-    C = level(T, climbing)
+    C = level_attitude(T, climbing)
     assert np.max(np.abs(C[:, :, 0] - unit(Y[:, 3:6]))) < 1e-12
     assert np.max(np.abs(C[:, :, 2] + unit(Y[:, :3]))) < 1e-12
 
 
 def test_airspeed_is_the_velocity_in_air_that_turns_with_the_earth():
-    C = along_airspeed(np.array([0.0, -math.sin(0.7), math.cos(0.7)]), 0.3)(T, Y)
+    C = airspeed_law(np.array([0.0, -math.sin(0.7), math.cos(0.7)]), 0.3)(T, Y)
     assert np.max(np.abs(C[:, :, 0] - unit(earth_velocity(Y[:, :3], Y[:, 3:6])))) < 1e-14
 
 
 def test_what_is_fixed_to_the_earth_turns_with_it():
-    C = along_airspeed(np.array([0.0, 1.0, 0.0]), 0.2, at_rest=np.array([0.6, 0.0, 0.8]))(T, Y)
+    C = airspeed_law(np.array([0.0, 1.0, 0.0]), 0.2, at_rest=np.array([0.6, 0.0, 0.8]))(T, Y)
     angle = np.arccos(np.clip(0.5 * (np.einsum("ij,kij->k", C[0], C) - 1.0), -1.0, 1.0))
     assert angle[-1] == pytest.approx(OMEGA * 200.0, rel=1e-6)
 
 
 def test_pitch_lifts_the_nose_and_yaw_turns_it_to_the_right():
-    C = along_velocity()(T, Y)
-    up = turned(along_velocity(), math.radians(10.0), 0.0)(T, Y)
-    right = turned(along_velocity(), 0.0, math.radians(10.0))(T, Y)
+    C = velocity_law()(T, Y)
+    up = rotate_law(velocity_law(), math.radians(10.0), 0.0)(T, Y)
+    right = rotate_law(velocity_law(), 0.0, math.radians(10.0))(T, Y)
     assert np.max(np.abs(np.einsum("ki,ki->k", up[:, :, 0], -C[:, :, 2]) - math.sin(math.radians(10.0)))) < 1e-12
     assert np.max(np.abs(np.einsum("ki,ki->k", right[:, :, 0], C[:, :, 1]) - math.sin(math.radians(10.0)))) < 1e-12
 
@@ -94,22 +94,22 @@ def test_a_turn_begins_and_ends_with_the_laws_and_goes_about_one_axis():
 
 
 def test_a_law_may_be_given_up_before_its_turn_is_done():
-    held = fixed_to_stars(FORWARD.axes(T, Y)[300])
+    held = inertial_law(FORWARD.axes(T, Y)[300])
     q = attitude([FORWARD, BACKWARD, AttitudeLaw(75.0, 20.0, held)], T, Y)
     assert np.max(np.abs(matrices(q)[T >= 95.0] - held(T, Y)[0])) < 1e-12
     assert np.min(np.sum(q[1:] * q[:-1], axis=1)) > 0.99
 
 
 def test_the_nose_at_one_time_is_that_of_the_whole_history():
-    held = fixed_to_stars(turned(level, 0.9, 0.4)(T[:1], Y[:1])[0])
+    held = inertial_law(rotate_law(level_attitude, 0.9, 0.4)(T[:1], Y[:1])[0])
     modes = [FORWARD, AttitudeLaw(50.0, 60.0, held)]
     whole = matrices(attitude(modes, T, Y))[:, :, 0]
     for k in (0, 100, 230, 300, 700):
-        assert np.max(np.abs(nose(modes, float(T[k]), Y[k]) - whole[k])) < 1e-12
+        assert np.max(np.abs(nose_direction(modes, float(T[k]), Y[k]) - whole[k])) < 1e-12
 
 
 def test_a_law_that_begins_after_the_end_changes_nothing():
-    assert np.array_equal(attitude([FORWARD, AttitudeLaw(900.0, 1.0, level)], T, Y), attitude([FORWARD], T, Y))
+    assert np.array_equal(attitude([FORWARD, AttitudeLaw(900.0, 1.0, level_attitude)], T, Y), attitude([FORWARD], T, Y))
 
 
 WHITE_SANDS = (math.radians(32.42), math.radians(-106.32))

@@ -9,7 +9,7 @@ import numpy as np
 
 from lvnav_trade.quantities.frames import Elements, state_from_elements
 from lvnav_trade.trajectory.ascent.vehicle_cards import VehicleAscent
-from lvnav_trade.trajectory.guided.guidance_plan import GuidancePlan, plan_of
+from lvnav_trade.trajectory.guided.guidance_plan import GuidancePlan, plan_ascent
 from lvnav_trade.trajectory.guided.guided_dynamics import NavigationErrors
 from tests.trajectory.flight_cases import launcher_settings
 
@@ -23,7 +23,7 @@ def guided(name: str = "two_stage_leo", **changes: Any) -> VehicleAscent:
 def plan(name: str = "two_stage_leo", guidance: str = "explicit", cutoff: str = "energy") -> GuidancePlan:
     """Return the plan of a shipped ascent whose runs draw all spreads; "NAME lagging": its body lags by 0.5 s."""
     lag = {"attitude_lag": "0.5 s"} if name.endswith("lagging") else {}
-    return plan_of(guided(name.split()[0], guidance=guidance, cutoff=cutoff, dispersion={"draw": "all"}, **lag))
+    return plan_ascent(guided(name.split()[0], guidance=guidance, cutoff=cutoff, dispersion={"draw": "all"}, **lag))
 
 
 def state_of(**changes: float) -> np.ndarray:

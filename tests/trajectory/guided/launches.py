@@ -7,14 +7,14 @@ from typing import Any, NamedTuple
 import numpy as np
 from ruamel.yaml import YAML
 
-from lvnav_trade.campaign.syntax.card_lookup import shipped
+from lvnav_trade.campaign.syntax.card_lookup import tool_folder
 from lvnav_trade.imu.error_model import ImuCard
-from lvnav_trade.kernels.jit import making_arrays
+from lvnav_trade.kernels.jit import array_jit
 from lvnav_trade.kernels.random import seed_words
 from lvnav_trade.quantities.shared_cards import EnvelopeCard
 from lvnav_trade.trajectory.control_cards import ControllerCard, FeedbackCard, RotationCard, WindCard
 from lvnav_trade.trajectory.guided import autopilot, axis_state, loop
-from lvnav_trade.trajectory.guided.missions import Missions, control_of
+from lvnav_trade.trajectory.guided.missions import Missions, controlled_attitude
 
 EFFECTIVENESS = 10.0  # 1/s^2
 RATE = 200.0  # Hz
@@ -50,7 +50,7 @@ class Steady(NamedTuple):
 
 def settings(name: str) -> dict[str, Any]:
     """Return the fields of a card that comes with the tool, with those of the spreads that a vehicle names."""
-    found: dict[str, Any] = YAML(typ="safe").load((shipped("configs") / f"{name}.yaml").read_text())
+    found: dict[str, Any] = YAML(typ="safe").load((tool_folder("configs") / f"{name}.yaml").read_text())
     if "dispersions" in found:
         found["dispersions"] = settings(found["dispersions"])
     return found
@@ -98,7 +98,7 @@ def steady_launch(
     )
 
 
-@making_arrays
+@array_jit
 def _fly(control, body):
     for k in range(body.motor.size - 1):
         if body.motor[k] != control.counts[autopilot.MOTOR]:
@@ -122,16 +122,16 @@ def _fly(control, body):
 
 
 def fly_steady(
-    launch: Steady, feedback: FeedbackCard, runs: int, seed: int = 1, every: int = 200, first_run: int = 0
+    launch: Steady, feedback: FeedbackCard, runs: int, seed: int = 1, record_interval: int = 200, first_run: int = 0
 ) -> Missions:
     """Return runs of a body that goes nowhere, as `missions.fly_missions` does of a launch."""
     controls = []
     for n in range(runs):
         draws = autopilot.DrawKeys(*seed_words(seed), np.uint64(first_run + n))
-        controls.append(control_of(launch, feedback, draws, every))
+        controls.append(controlled_attitude(launch, feedback, draws, record_interval))
         _fly(controls[-1], launch.body)
     return Missions(
-        launch.course.t[:-1:every],
+        launch.course.t[:-1:record_interval],
         np.stack([one.history for one in controls]),
         np.array([loop.movement(one) for one in controls]),
         np.stack([one.sums for one in controls]),

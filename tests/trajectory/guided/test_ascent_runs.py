@@ -14,8 +14,8 @@ from lvnav_trade.kernels.media.atmosphere import atmosphere
 from lvnav_trade.quantities.frames import earth_angle, elements_from_state, geodetic_from_ecef, gmst
 from lvnav_trade.trajectory.ascent.legs import pad_state
 from lvnav_trade.trajectory.guided.ascent_runs import inject
-from lvnav_trade.trajectory.guided.draws import WIND_STEP, deviations, draw, numbers, vehicle_of
-from lvnav_trade.trajectory.guided.guidance_plan import plan_of
+from lvnav_trade.trajectory.guided.draws import WIND_STEP, deviations, draw, numbers, run_vehicle
+from lvnav_trade.trajectory.guided.guidance_plan import plan_ascent
 from lvnav_trade.trajectory.guided.guided_dynamics import NavigationErrors
 from lvnav_trade.trajectory.guided.pilots import ADRIFT, DEPLETED, INJECTED
 from tests.trajectory.guided.cases import constant_error, guided, plan
@@ -60,8 +60,8 @@ def test_the_schuler_approximation_reaches_the_same_orbit_for_more_propellant(na
     speed = np.linalg.norm(known.nominal[3:6])
     assert 1e-7 < abs(float(achieved.inclination - wanted.inclination)) < 11.0 * sideways / speed
     # an ascent that climbs over most of its last burn pays for it; one that lights high up does not
-    assert -0.1 < integrated.left - found.left < 2.0
-    assert integrated.left != found.left
+    assert -0.1 < integrated.propellant_left - found.propellant_left < 2.0
+    assert integrated.propellant_left != found.propellant_left
 
 
 def test_explicit_guidance_takes_out_what_the_open_loop_leaves():
@@ -132,9 +132,9 @@ def test_a_tilt_of_the_reference_turns_an_open_loop_sideways_by_the_integrated_t
 
 def test_an_empty_stage_is_an_outcome():
     card = guided("electron_leo", dispersion={"sigmas": {"specific_impulse": -4.0, "propellant": -4.0}})
-    known = plan_of(card)
+    known = plan_ascent(card)
     found = inject(known, draw(card, 1, 0))
-    assert (found.outcome, found.left) == (DEPLETED, 0.0)
+    assert (found.outcome, found.propellant_left) == (DEPLETED, 0.0)
     speed = np.linalg.norm(found.y[3:6])
     assert speed < np.linalg.norm(known.nominal[3:6]) - 20.0
 
@@ -153,9 +153,9 @@ def test_propellant_left_follows_the_rocket_equation():
     stage = known.card.vehicle.stages[-1]
     empty = stage.dry + known.card.vehicle.payload
     start = empty + stage.propellant
-    gain = stage.exhaust_speed * math.log(start / (empty + before.left))  # fairing and losses alike in both
+    gain = stage.exhaust_speed * math.log(start / (empty + before.propellant_left))  # fairing and losses alike in both
     left = start * math.exp(-gain / (stage.exhaust_speed * (1.0 + 3.0 * spreads.specific_impulse))) - empty
-    assert more.left - before.left == pytest.approx(left - before.left, rel=0.05)
+    assert more.propellant_left - before.propellant_left == pytest.approx(left - before.propellant_left, rel=0.05)
 
 
 def _independent(known, sigmas):
@@ -163,7 +163,7 @@ def _independent(known, sigmas):
 
     Mass and thrust are functions of time alone, written out from the card; steps by DOP853 between the jumps.
     """
-    card, differs = vehicle_of(known.card, sigmas), deviations(known.card, sigmas)
+    card, differs = run_vehicle(known.card, sigmas), deviations(known.card, sigmas)
     first, second = card.vehicle.stages
     fairing = card.vehicle.fairing
     out1 = first.full_burn

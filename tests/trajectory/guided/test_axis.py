@@ -13,12 +13,12 @@ from lvnav_trade.trajectory.guided.axis import (
     body_step,
     command_step,
     filter_gain,
-    gust_of,
+    gust_output,
     gust_step,
     lag_step,
     lateral_force,
     nozzle_step,
-    thruster_of,
+    thruster_sense,
 )
 
 TAU, LIMIT = 0.035, math.radians(25.0)
@@ -130,7 +130,7 @@ def test_a_gust_keeps_unit_variance_and_the_dryden_correlation_over_any_step(x):
     state, draws = stepped(x)
     steady = np.array([[1.0, math.sqrt(0.5)], [math.sqrt(0.5), 1.0]])
     np.testing.assert_allclose(state @ steady @ state.T + draws @ draws.T, steady, atol=1e-12)
-    out = np.array([gust_of(1.0, 0.0), gust_of(0.0, 1.0)])
+    out = np.array([gust_output(1.0, 0.0), gust_output(0.0, 1.0)])
     assert out @ steady @ out == pytest.approx(1.0, abs=1e-14)
     assert out @ state @ steady @ out == pytest.approx(math.exp(-x) * (1.0 - 0.5 * x), abs=1e-12)
 
@@ -142,7 +142,7 @@ def test_the_spectrum_of_a_gust_is_that_of_dryden(record_property):
     draws, values, y = rng.standard_normal((n, 2)), np.empty(n), (0.0, 0.0)
     for k in range(n):
         y = gust_step(*y, a / rate, draws[k, 0], draws[k, 1])
-        values[k] = gust_of(*y)
+        values[k] = gust_output(*y)
     f, density = welch(values, rate, nperseg=4096)
     w = 2.0 * np.pi * f / a
     theory = 2.0 / a * (1.0 + 3.0 * w**2) / (1.0 + w**2) ** 2
@@ -183,4 +183,4 @@ def test_a_measurement_without_noise_is_taken_whole():
     [(0, 0.9, 0), (0, 1.1, -1), (0, -1.1, 1), (-1, 0.5, -1), (-1, 0.2, 0), (-1, -0.5, 0), (1, -0.5, 1), (1, -0.2, 0)],
 )
 def test_thrusters_open_outside_the_dead_band_and_close_within_part_of_it(state, error, sense):
-    assert thruster_of(float(state), error, 1.0, 0.3) == sense
+    assert thruster_sense(float(state), error, 1.0, 0.3) == sense

@@ -7,7 +7,7 @@ import pytest
 
 from lvnav_trade.trajectory.control_cards import FeedbackCard
 from lvnav_trade.trajectory.guided import autopilot, axis_state
-from lvnav_trade.trajectory.guided.missions import control_of
+from lvnav_trade.trajectory.guided.missions import controlled_attitude
 from tests.trajectory.guided.launches import steady_launch
 
 RUNS = 400
@@ -16,7 +16,7 @@ RUNS = 400
 def control(run: int = 0, **given):
     launch = steady_launch(1.0, nozzle={"misalignment": "0.5 deg"}, **given)
     draws = autopilot.DrawKeys(np.uint64(1), np.uint64(2), np.uint64(run))
-    return control_of(launch, FeedbackCard(), draws)
+    return controlled_attitude(launch, FeedbackCard(), draws)
 
 
 def test_a_run_begins_on_the_nominal_attitude_with_the_commanded_rate():

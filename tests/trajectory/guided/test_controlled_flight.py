@@ -16,7 +16,7 @@ from lvnav_trade.simulation.preparation.vehicle_model import walks
 from lvnav_trade.trajectory.ascent.vehicle_cards import VehicleAscent
 from lvnav_trade.trajectory.flight import build, identity, motion, reference
 from lvnav_trade.trajectory.guided import autopilot
-from lvnav_trade.trajectory.guided.controlled_flight import fly_launch, launch_along
+from lvnav_trade.trajectory.guided.controlled_flight import fly_launch, steered_launch
 from lvnav_trade.trajectory.guided.course import ascend
 from lvnav_trade.trajectory.guided.missions import fly_missions
 from tests.building import loaded
@@ -42,14 +42,14 @@ def ascent():
 @lru_cache(maxsize=4)
 def flown(realisation=3):
     steered = card(realisation=realisation).control
-    return fly_launch(ascent(), launch_along(ascent(), steered), steered)
+    return fly_launch(ascent(), steered_launch(ascent(), steered), steered)
 
 
 @lru_cache(maxsize=1)
 def looped():
     """The loop's own records of the same launch."""
     steered = card(realisation=3).control
-    return fly_missions(launch_along(ascent(), steered), steered.feedback, 1, 0, every=1, first_run=3)
+    return fly_missions(steered_launch(ascent(), steered), steered.feedback, 1, 0, record_interval=1, first_run=3)
 
 
 @pytest.mark.parametrize("span", [(30.0, 60.0), (100.0, 140.0), (200.0, 260.0), (420.0, 500.0)])
@@ -103,7 +103,7 @@ def test_without_wind_and_errors_the_launch_is_the_ascent():
     controller = settings("controllers/three_motor") | {"guidance": None}
     feedback = {"rate": "true", "attitude": "true", "noise": "none"}
     steered = card(wind=None, rotation=body, controller=controller, feedback=feedback)
-    calm, launch = build(steered), launch_along(ascent(), steered.control)
+    calm, launch = build(steered), steered_launch(ascent(), steered.control)
     t = launch.course.t[::20]
     found, nominal = motion(calm, t), motion(ascent().trajectory, t)
     turned = np.einsum("kji,kjl->kil", matrices(nominal.q_b_i), matrices(found.q_b_i))

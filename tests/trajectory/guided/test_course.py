@@ -16,10 +16,10 @@ from lvnav_trade.quantities.shared_cards import EnvelopeCard
 from lvnav_trade.trajectory.control_cards import ControllerCard, FeedbackCard, RotationCard, WindCard
 from lvnav_trade.trajectory.flight import motion
 from lvnav_trade.trajectory.guided import autopilot, axis_state
-from lvnav_trade.trajectory.guided.course import PITCH, YAW, ascend, changes, course_along
+from lvnav_trade.trajectory.guided.course import PITCH, YAW, ascend, ascent_course, stage_event_times
 from lvnav_trade.trajectory.guided.draws import deviations
 from lvnav_trade.trajectory.guided.guided_dynamics import PERFECT, Wind
-from lvnav_trade.trajectory.guided.missions import prepare_launch, turning_of, wind_of_launch
+from lvnav_trade.trajectory.guided.missions import attitude_control, launch_wind, prepare_launch
 from lvnav_trade.trajectory.guided.pilots import TurningPilot
 from lvnav_trade.trajectory.guided.turning import forces_and_rates
 from tests.trajectory.flight_cases import _load, ascent_card
@@ -59,11 +59,11 @@ def met(number: int, t: float):
     y = np.array([np.interp(t, leg.t, column) for column in leg.y.T])
     at = motion(ascent().trajectory, [t])
     y[:3], y[3:6] = at.r_i[0], at.v_i[0]
-    turning, known = turning_of(launch(), FeedbackCard(), FIRST), ascent().plan
+    turning, known = attitude_control(launch(), FeedbackCard(), FIRST), ascent().plan
     turning.control.counts[autopilot.STACK] = number
     turning.control.counts[autopilot.NEXT] = round(t * 200.0)
     differs = deviations(known.card, {})
-    differs = differs._replace(wind=wind_of_launch(launch(), FIRST, differs.wind))
+    differs = differs._replace(wind=launch_wind(launch(), FIRST, differs.wind))
     inputs = TurningPilot(known, ascent().card, differs, PERFECT, turning).inputs
     return forces_and_rates(t, y, leg.engine, inputs, turning), y
 
@@ -95,7 +95,7 @@ def test_a_burn_is_one_phase_of_the_course_and_what_changes_at_its_ends_another(
     assert inside.min() < 5.0
     for cutoff, ignition in (("stage1_cutoff", "stage2_ignition"),):
         assert not ((inside > events[cutoff]) & (inside < events[ignition])).any()
-    found = changes(ascent().trajectory)
+    found = stage_event_times(ascent().trajectory)
     named = ("liftoff", "stage1_cutoff", "stage1_separation", "stage2_ignition", "stage2_cutoff")
     np.testing.assert_allclose(found, sorted(events[name] for name in named))
     assert all(autopilot.CHANGE == course.phase[np.searchsorted(course.t, t + 0.1)] for t in found)
@@ -129,15 +129,15 @@ def test_the_wind_of_a_launch_blows_from_its_direction_with_its_speed_and_anothe
     one = launch()
     card = one.wind.model_copy(update={"direction": math.radians(200.0)})
     calm = Wind(500.0, np.zeros((1, 2)))
-    blown = wind_of_launch(one._replace(wind=card), FIRST, calm)
+    blown = launch_wind(one._replace(wind=card), FIRST, calm)
     k = round(11000.0 / blown.step)
     speed = np.interp(11000.0, card.height, card.speed)
     np.testing.assert_allclose(blown.speed[k], [-speed * math.sin(card.direction), -speed * math.cos(card.direction)])
-    more = wind_of_launch(one._replace(wind=card), FIRST, Wind(500.0, np.tile([3.0, -2.0], (61, 1))))
+    more = launch_wind(one._replace(wind=card), FIRST, Wind(500.0, np.tile([3.0, -2.0], (61, 1))))
     np.testing.assert_allclose(more.speed[k] - blown.speed[k], [3.0, -2.0])
     drawn = card.model_copy(update={"spread": 0.3})
     along, across = axis_state.profile_draws(FIRST)
-    found = wind_of_launch(one._replace(wind=drawn), FIRST, calm).speed[k]
+    found = launch_wind(one._replace(wind=drawn), FIRST, calm).speed[k]
     ahead = blown.speed[k] / speed
     assert found @ ahead == pytest.approx(speed * (1.0 + 0.3 * along))
     assert abs(ahead[0] * found[1] - ahead[1] * found[0]) == pytest.approx(abs(0.3 * across) * speed)
@@ -153,14 +153,14 @@ def test_pitch_and_yaw_rates_of_the_command_are_those_of_the_truth():
 
 def test_a_manoeuvre_turns_by_its_angle_in_its_time():
     turn = {"start": "stage2_ignition + 20 s", "axis": "yaw", "angle": "2 deg", "duration": "5 s"}
-    course = course_along(ascent(), controller(turns=[turn]), EnvelopeCard(), RATE)
+    course = ascent_course(ascent(), controller(turns=[turn]), EnvelopeCard(), RATE)
     begin = ascent().trajectory.events["stage2_ignition"] + 20.0
     assert not course.turn[:, PITCH].any()
     assert not course.turn[course.t <= begin, YAW].any()
     np.testing.assert_allclose(course.turn[course.t >= begin + 5.0, YAW], math.radians(2.0))
     np.testing.assert_allclose(np.gradient(course.turn[:, YAW], 1.0 / RATE), course.turn_rate[:, YAW], atol=2e-4)
     with pytest.raises(InputError, match="no event 'stage9'"):
-        course_along(ascent(), controller(turns=[turn | {"start": "stage9"}]), EnvelopeCard(), RATE)
+        ascent_course(ascent(), controller(turns=[turn | {"start": "stage9"}]), EnvelopeCard(), RATE)
 
 
 def test_cards_for_another_number_of_stages_are_refused():

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lvnav_trade.trajectory.guided.draws import WIND_STEP, deviations, draw, numbers, vehicle_of
+from lvnav_trade.trajectory.guided.draws import WIND_STEP, deviations, draw, numbers, run_vehicle
 from tests.trajectory.guided.cases import guided
 
 
@@ -38,7 +38,7 @@ def test_what_is_not_asked_for_is_not_drawn_and_fixed_values_add():
 def test_the_vehicle_has_the_drawn_numbers(card):
     spreads, nominal = card.vehicle.dispersions, card.vehicle
     sigmas = {name: np.arange(1.0, 1.0 + n) for name, n in numbers(card).items()}
-    flown = vehicle_of(card, sigmas).vehicle
+    flown = run_vehicle(card, sigmas).vehicle
     for k, (stage, before) in enumerate(zip(flown.stages, nominal.stages, strict=True), start=1):
         assert stage.full_thrust == pytest.approx(before.full_thrust * (1.0 + k * spreads.thrust))
         assert stage.specific_impulse == pytest.approx(before.specific_impulse * (1.0 + k * spreads.specific_impulse))
@@ -52,14 +52,14 @@ def test_the_vehicle_has_the_drawn_numbers(card):
 def test_a_motor_of_known_burn_time_burns_as_long_as_its_propellant_lasts():
     card = guided("electron_leo", dispersion={"draw": "all"})
     sigmas = {"thrust": np.array([2.0, 0.0]), "propellant": np.array([0.0, -3.0])}
-    spreads, stages = card.vehicle.dispersions, vehicle_of(card, sigmas).vehicle.stages
+    spreads, stages = card.vehicle.dispersions, run_vehicle(card, sigmas).vehicle.stages
     assert stages[0].full_burn == pytest.approx(card.vehicle.stages[0].full_burn / (1.0 + 2.0 * spreads.thrust))
     assert stages[1].full_burn == pytest.approx(card.vehicle.stages[1].full_burn * (1.0 - 3.0 * spreads.propellant))
 
 
 def test_common_factors_of_a_mission_come_first():
     card = guided(dispersion={"thrust": 0.98, "draw": ["thrust"]})
-    flown = vehicle_of(card, {"thrust": np.array([1.0, 0.0])}).vehicle
+    flown = run_vehicle(card, {"thrust": np.array([1.0, 0.0])}).vehicle
     wanted = card.vehicle.stages[0].thrust * 0.98 * (1.0 + card.vehicle.dispersions.thrust)
     assert flown.stages[0].thrust == pytest.approx(wanted)
 

@@ -7,7 +7,7 @@ import numpy as np
 from lvnav_trade.kernels.earth import GM
 from lvnav_trade.quantities.frames import elements_from_state, matrices
 from lvnav_trade.trajectory.ascent.launch import build_ascent
-from lvnav_trade.trajectory.guided.guidance_plan import plan_of
+from lvnav_trade.trajectory.guided.guidance_plan import plan_ascent
 from lvnav_trade.trajectory.truth import motion
 from tests.trajectory.guided.cases import guided, plan
 
@@ -35,5 +35,5 @@ def test_target_and_energy_are_those_of_the_target_orbit():
 def test_spreads_are_those_that_the_mission_asks_for():
     card = guided(dispersion={"draw": ["thrust"], "sigmas": {"wind": 2.0}})
     spreads = card.vehicle.dispersions
-    assert dict(plan_of(card).spreads) == {"thrust": spreads.thrust, "wind": spreads.wind}
-    assert plan_of(guided()).spreads == ()
+    assert dict(plan_ascent(card).spreads) == {"thrust": spreads.thrust, "wind": spreads.wind}
+    assert plan_ascent(guided()).spreads == ()

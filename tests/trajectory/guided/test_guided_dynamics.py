@@ -42,7 +42,7 @@ def test_an_error_stays_to_the_next_time_and_the_position_drifts_with_the_veloci
 
 def test_the_thrust_is_turned_by_the_attitude_error_and_by_misalignments(inputs):
     r = (6.5e6, 0.0, 1e5)
-    u = np.array(guided_dynamics.commanded(300.0, inputs))
+    u = np.array(guided_dynamics.commanded_direction(300.0, inputs))
     tilt = np.array([1e-4, -2e-4, 3e-4])
     turned = guided_dynamics.thrust_direction(300.0, r, inputs._replace(navigation=constant_error(attitude=tilt)))
     np.testing.assert_allclose(np.array(turned) - u, np.cross(tilt, u), atol=1e-7)

@@ -33,7 +33,7 @@ PERFECT = FeedbackCard(rate="true", attitude="true", noise="none")
 
 
 def flown(launch, feedback=PERFECT, runs=1, **how):
-    return fly_steady(launch, feedback, runs, every=1, **how)
+    return fly_steady(launch, feedback, runs, record_interval=1, **how)
 
 
 @pytest.mark.parametrize(("frequency", "damping"), [(2.0, 0.3), (2.0, 0.7), (4.0, 0.5)])
@@ -135,7 +135,7 @@ def test_ticks_inside_the_envelope_are_counted_as_the_history_shows():
 
 def test_thrusters_hold_the_attitude_of_a_coast_within_their_dead_band_and_leave_the_nozzle_alone():
     launch = steady_launch(600.0, motor=0, turn=(0.02, 0.0))
-    mission = fly_steady(launch, FeedbackCard(noise="published"), 2, every=200)
+    mission = fly_steady(launch, FeedbackCard(noise="published"), 2, record_interval=200)
     band = launch.rotation.thrusters.dead_band
     late = mission.history[:, mission.t > 200.0]
     assert np.max(np.abs(late[..., ERROR])) < 1.5 * band
@@ -148,7 +148,7 @@ def test_navigation_attitude_errs_as_the_steady_filter_of_its_reference_says(rec
     # controller holds the navigation's attitude at zero, so the true angle is minus its error.
     launch = steady_launch(3000.0, gains={"attitude": 1.0, "rate": "0.7 s"})
     feedback = FeedbackCard(rate="true", noise="published", reference_sigma="1 deg")
-    mission = fly_steady(launch, feedback, 12, every=1000)
+    mission = fly_steady(launch, feedback, 12, record_interval=1000)
     noise = rate_noise(launch.imu, "published")
     driving, reference = 200.0 * (noise / 200.0) ** 2, math.radians(1.0) ** 2
     closed = math.sqrt(steady_ratio(driving, reference) * reference)

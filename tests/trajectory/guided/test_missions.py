@@ -23,7 +23,7 @@ from lvnav_trade.trajectory.guided.autopilot import (
     TICKS,
 )
 from lvnav_trade.trajectory.guided.course import ascend
-from lvnav_trade.trajectory.guided.missions import fly_missions, prepare_launch, with_rate_gain
+from lvnav_trade.trajectory.guided.missions import fly_missions, prepare_launch, scale_rate_gain
 from tests.trajectory.guided.launches import fly_steady, settings, steady_launch
 
 WINDY = {"gust": 3.0, "moment": 0.003, "force": 0.03}
@@ -32,30 +32,30 @@ WINDY = {"gust": 3.0, "moment": 0.003, "force": 0.03}
 def test_two_missions_meet_the_same_wind_gusts_and_noise():
     launch = steady_launch(**WINDY)
     raw, filtered, again = (
-        fly_steady(launch, FeedbackCard(rate=rate, noise="published"), 3, every=1)
+        fly_steady(launch, FeedbackCard(rate=rate, noise="published"), 3, record_interval=1)
         for rate in ("raw", "filtered", "raw")
     )
     np.testing.assert_array_equal(raw.history[..., AIR], filtered.history[..., AIR])
     np.testing.assert_array_equal(raw.history, again.history)
     assert (raw.movement != filtered.movement).all()
     # What the raw gyro adds to the true rate is the noise alone: the same whatever moves the vehicle.
-    still = fly_steady(launch, FeedbackCard(rate="true", noise="none"), 3, every=1)
+    still = fly_steady(launch, FeedbackCard(rate="true", noise="none"), 3, record_interval=1)
     np.testing.assert_array_equal(raw.history[..., AIR], still.history[..., AIR])
 
 
 def test_a_run_is_the_same_alone_and_among_others_and_runs_and_seeds_differ():
     launch = steady_launch(5.0, **WINDY)
     feedback = FeedbackCard(noise="published")
-    three = fly_steady(launch, feedback, 3, every=1)
-    alone = fly_steady(launch, feedback, 1, every=1, first_run=2)
+    three = fly_steady(launch, feedback, 3, record_interval=1)
+    alone = fly_steady(launch, feedback, 1, record_interval=1, first_run=2)
     np.testing.assert_array_equal(three.history[2], alone.history[0])
-    other = fly_steady(launch, feedback, 3, seed=2, every=1)
+    other = fly_steady(launch, feedback, 3, seed=2, record_interval=1)
     assert np.unique(np.concatenate([three.movement[:, 0], other.movement[:, 0]])).size == 6
 
 
 def test_records_are_thinned_and_totals_are_not():
     launch = steady_launch(5.0, **WINDY)
-    full, thin = (fly_steady(launch, FeedbackCard(noise="published"), 2, every=every) for every in (1, 7))
+    full, thin = (fly_steady(launch, FeedbackCard(noise="published"), 2, record_interval=every) for every in (1, 7))
     np.testing.assert_array_equal(thin.history, full.history[:, ::7])
     np.testing.assert_array_equal(thin.t, full.t[::7])
     np.testing.assert_array_equal(thin.movement, full.movement)
@@ -63,7 +63,7 @@ def test_records_are_thinned_and_totals_are_not():
 
 def test_the_rate_gain_alone_is_changed_by_its_factor():
     launch = steady_launch(1.0)
-    gains = with_rate_gain(launch, 2.5).controller.gains
+    gains = scale_rate_gain(launch, 2.5).controller.gains
     for one, before in zip(gains, launch.controller.gains, strict=True):
         assert one == before.model_copy(update={"rate": 2.5 * before.rate})
 

@@ -8,9 +8,9 @@ import pytest
 from lvnav_trade.quantities.records import INJECTION, ORBIT
 from lvnav_trade.trajectory.guided.ascent_runs import inject
 from lvnav_trade.trajectory.guided.draws import numbers
-from lvnav_trade.trajectory.guided.guidance_plan import plan_of
+from lvnav_trade.trajectory.guided.guidance_plan import plan_ascent
 from lvnav_trade.trajectory.guided.guided_dynamics import NavigationErrors
-from lvnav_trade.trajectory.guided.orbit_numbers import orbit_difference, orbit_of, with_apsides
+from lvnav_trade.trajectory.guided.orbit_numbers import append_apsides, orbit_difference, osculating_orbit
 from lvnav_trade.trajectory.guided.sensitivity import sensitivity
 from tests.trajectory.guided.cases import guided, plan
 
@@ -27,8 +27,8 @@ def times(known):
 
 def change(known, target, high, low):
     """Return half the difference (n_number,) of two injections, as a linear function has it."""
-    orbit = with_apsides(orbit_difference(orbit_of(high.y[None]), orbit_of(low.y[None])), target)[0]
-    return 0.5 * np.append(orbit, [high.t - low.t, high.left - low.left])
+    orbit = append_apsides(orbit_difference(osculating_orbit(high.y[None]), osculating_orbit(low.y[None])), target)[0]
+    return 0.5 * np.append(orbit, [high.t - low.t, high.propellant_left - low.propellant_left])
 
 
 def errors_of(kind, t):
@@ -89,9 +89,9 @@ def test_gusts_do_what_whole_flights_say(name, guidance):
 def test_the_reference_is_the_flight_without_errors(guidance):
     known = plan("electron_leo", guidance)
     found, flown = sensitivity(known, times(known)), inject(known, {})
-    np.testing.assert_allclose(found.reference[:3], orbit_of(flown.y[None])[0, :3], atol=0.1)
+    np.testing.assert_allclose(found.reference[:3], osculating_orbit(flown.y[None])[0, :3], atol=0.1)
     assert found.reference[INJECTION.index("cutoff_time")] == pytest.approx(flown.t, abs=1e-4)
-    assert found.reference[INJECTION.index("propellant_left")] == pytest.approx(flown.left, abs=1e-3)
+    assert found.reference[INJECTION.index("propellant_left")] == pytest.approx(flown.propellant_left, abs=1e-3)
 
 
 def test_with_perfect_guidance_a_lasting_error_is_the_injection_error_with_its_own_sign():
@@ -115,12 +115,12 @@ def test_a_cutoff_by_time_is_never_late():
 
 def test_a_vehicle_that_a_sigma_empties_has_no_derivative():
     settings = {"draw": ["propellant"], "sigmas": {"specific_impulse": -3.0, "propellant": -3.0}}
-    known = plan_of(guided("electron_leo", dispersion=settings))
-    why = sensitivity(known, times(known)).why
+    known = plan_ascent(guided("electron_leo", dispersion=settings))
+    why = sensitivity(known, times(known)).reason
     assert "depleted" in why
     assert why.startswith(("with", "the reference flight"))
 
 
 def test_without_draws_the_vehicle_has_no_sources():
-    known = plan_of(guided())
+    known = plan_ascent(guided())
     assert sensitivity(known, times(known)).vehicle == ()

@@ -13,15 +13,15 @@ from scipy.integrate import solve_ivp
 from lvnav_trade.kernels.earth import OMEGA, gravity_j4
 from lvnav_trade.kernels.media.atmosphere import atmosphere
 from lvnav_trade.quantities.frames import elements_from_state
-from lvnav_trade.trajectory.ascent.equations_of_motion import coefficient_at, height_above
+from lvnav_trade.trajectory.ascent.equations_of_motion import height_above, interpolate_drag
 from lvnav_trade.trajectory.ascent.legs import COASTING
 from lvnav_trade.trajectory.guided import autopilot, axis_state
 from lvnav_trade.trajectory.guided.ascent_runs import inject
 from lvnav_trade.trajectory.guided.course import ascend
 from lvnav_trade.trajectory.guided.draws import deviations
-from lvnav_trade.trajectory.guided.guidance_plan import plan_of
+from lvnav_trade.trajectory.guided.guidance_plan import plan_ascent
 from lvnav_trade.trajectory.guided.guided_dynamics import PERFECT, AttitudeProgramme, fly_piece
-from lvnav_trade.trajectory.guided.missions import launch_along, turning_of
+from lvnav_trade.trajectory.guided.missions import attitude_control, steered_launch
 from lvnav_trade.trajectory.guided.pilots import INJECTED, GuidedPilot, TurningPilot
 from lvnav_trade.trajectory.guided.turning import NEVER, turn_piece
 from tests.trajectory.guided.cases import constant_error, guided
@@ -48,7 +48,7 @@ def under_control(guidance: str = "explicit", calm: str = "", **changes):
 
 @cache
 def known(**how):
-    return plan_of(under_control(**how))
+    return plan_ascent(under_control(**how))
 
 
 def draws(run: int) -> autopilot.DrawKeys:
@@ -61,7 +61,7 @@ def draws(run: int) -> autopilot.DrawKeys:
 def test_a_lag_follows_a_turning_command_late_by_its_time_constant():
     """u turns at a constant rate: the body, first along u, ends at the exact solution of b' = (u - b) / T."""
     rate, lag = math.radians(2.0), 0.6
-    plan = plan_of(guided("two_stage_leo", guidance="open_loop", attitude_lag=f"{lag} s"))
+    plan = plan_ascent(guided("two_stage_leo", guidance="open_loop", attitude_lag=f"{lag} s"))
     pilot = GuidedPilot(plan, plan.card, deviations(plan.card, {}), PERFECT)
     t = np.arange(0.0, 40.0, 0.05)
     u = np.stack([np.cos(rate * t), np.sin(rate * t), np.zeros(t.size)], axis=1)
@@ -77,8 +77,8 @@ def test_a_lag_follows_a_turning_command_late_by_its_time_constant():
 def test_an_open_loop_with_a_lag_is_that_of_a_programme_that_is_late():
     """To first order in the lag the body does at t what the programme says at t - lag."""
     lag = 0.4
-    at_once = plan_of(guided("two_stage_leo", guidance="open_loop", cutoff="time"))
-    lagged = plan_of(guided("two_stage_leo", guidance="open_loop", cutoff="time", attitude_lag=f"{lag} s"))
+    at_once = plan_ascent(guided("two_stage_leo", guidance="open_loop", cutoff="time"))
+    lagged = plan_ascent(guided("two_stage_leo", guidance="open_loop", cutoff="time", attitude_lag=f"{lag} s"))
     u = at_once.programme.u
     t = at_once.programme.step * np.arange(len(u))
     late = np.stack([np.interp(t - lag, t, one) for one in u.T], axis=1)
@@ -92,7 +92,7 @@ def test_an_open_loop_with_a_lag_is_that_of_a_programme_that_is_late():
 
 
 def test_explicit_guidance_takes_the_effect_of_a_lag_out():
-    plan = plan_of(guided("two_stage_leo", attitude_lag="0.5 s"))
+    plan = plan_ascent(guided("two_stage_leo", attitude_lag="0.5 s"))
     found = inject(plan, {})
     assert found.outcome == INJECTED
     achieved, wanted = (elements_from_state(y[:3], y[3:6]) for y in (found.y, plan.nominal))
@@ -112,10 +112,10 @@ def test_a_body_and_its_path_follow_the_equations_of_motion_of_an_independent_in
     control = card.control.model_copy(
         update={"controller": card.control.controller.model_copy(update={"gains": gains}), "wind": None}
     )
-    launch = launch_along(ascent, control)
-    turning = turning_of(launch, control.feedback, draws(0))
+    launch = steered_launch(ascent, control)
+    turning = attitude_control(launch, control.feedback, draws(0))
     begin, end = 40.0, 43.0
-    pilot = TurningPilot(plan_of(card), card, deviations(card, {}), PERFECT, turning)
+    pilot = TurningPilot(plan_ascent(card), card, deviations(card, {}), PERFECT, turning)
     leg = next(leg for leg in ascent.legs if leg.t[0] <= begin < leg.t[-1])
     y = np.array([np.interp(begin, leg.t, column) for column in leg.y.T])
     count, memory = turning.control.counts, turning.control.memory
@@ -138,17 +138,17 @@ def test_a_body_and_its_path_follow_the_equations_of_motion_of_an_independent_in
         speed = np.linalg.norm(w)
         density, pressure, _, sound = atmosphere(height_above(*r))
         engine = leg.engine
-        beside = engine.unthrottled
+        beside = engine.unthrottled_motors
         thrust = engine.thrust - pressure * engine.exit_area if engine.thrust else 0.0
         flow = engine.mass_flow if engine.thrust else 0.0
         if beside.thrust:
-            thrust += beside.thrust + beside.thrust_slope * (t - beside.since) - pressure * beside.exit_area
-            flow += beside.mass_flow + beside.flow_slope * (t - beside.since)
+            thrust += beside.thrust + beside.thrust_slope * (t - beside.reference_time) - pressure * beside.exit_area
+            flow += beside.mass_flow + beside.flow_slope * (t - beside.reference_time)
         sides = np.stack([up, right])
         direction = ahead + (angle + misaligned) @ sides
         direction /= np.linalg.norm(direction)
         area = card.vehicle.reference_area
-        drag = 0.5 * density * speed * coefficient_at(speed / sound, pilot.drag) * area
+        drag = 0.5 * density * speed * interpolate_drag(speed / sound, pilot.drag) * area
         across = speed * angle - sides @ w  # of the air against the body
         axial = drag * ((w @ ahead) * ahead + speed * (angle @ sides))
         lift = 0.5 * density * speed * area * stack.normal_force * across
@@ -173,7 +173,7 @@ def test_a_body_and_its_path_follow_the_equations_of_motion_of_an_independent_in
 @pytest.mark.parametrize("guidance", ["open_loop", "explicit"])
 def test_a_calm_launch_with_an_ideal_controller_is_that_of_a_body_that_follows_at_once(guidance):
     control = inject(known(guidance=guidance, calm="true"), {}, draws=draws(0))
-    at_once = inject(plan_of(guided("churchill_sso", guidance=guidance)), {})
+    at_once = inject(plan_ascent(guided("churchill_sso", guidance=guidance)), {})
     assert control.outcome == at_once.outcome == INJECTED
     one, other = (elements_from_state(y[:3], y[3:6]) for y in (control.y, at_once.y))
     assert abs(float(one.semi_major_axis - other.semi_major_axis)) < 5.0
@@ -185,7 +185,7 @@ def test_the_attitude_error_of_the_runs_navigation_tilts_a_body_under_control():
     tilt = np.array([2e-4, -1e-4, 3e-4])
     moved = []
     calm = known(guidance="open_loop", calm="navigation")
-    for plan in (calm, plan_of(guided("churchill_sso", guidance="open_loop"))):
+    for plan in (calm, plan_ascent(guided("churchill_sso", guidance="open_loop"))):
         flown = [inject(plan, {}, constant_error(attitude=sign * tilt), draws(1)).y for sign in (1.0, -1.0)]
         moved.append(0.5 * (flown[0] - flown[1]))
     assert np.linalg.norm(moved[1][3:6]) > 0.5
@@ -206,7 +206,7 @@ def test_every_run_meets_gusts_noises_and_misalignments_of_its_own_and_the_law_t
 
 def test_sources_of_the_vehicle_act_on_a_body_under_control_as_on_one_that_follows_at_once():
     """Thrust of the second motor, dry mass of the first stage, and drag: three sigma, in calm air."""
-    plain = plan_of(guided("churchill_sso", guidance="open_loop", cutoff="time"))
+    plain = plan_ascent(guided("churchill_sso", guidance="open_loop", cutoff="time"))
     turning = known(guidance="open_loop", calm="true", cutoff="time")
     for name, sigmas in (("thrust", [0.0, 3.0, 0.0]), ("dry_mass", [3.0, 0.0, 0.0]), ("drag", [3.0])):
         moved = [

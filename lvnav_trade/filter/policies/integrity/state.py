@@ -6,9 +6,9 @@ import numpy as np
 from numba import types
 from numba.extending import overload
 
-from lvnav_trade.kernels.covariance import NOT_USED
+from lvnav_trade.kernels.covariance import CLOSED_GATE
 from lvnav_trade.kernels.jit import jit
-from lvnav_trade.kernels.lanes import like, where, zeros_of
+from lvnav_trade.kernels.lanes import number_like, where, zeros_of
 from lvnav_trade.quantities.records import Floats
 from lvnav_trade.sensors.jacobian_row import H_CLOCK
 
@@ -18,26 +18,27 @@ N_FIT = 4
 class FaultTests(NamedTuple):
     """Thresholds of the tests for faults.
 
-    single : Largest square of one normalised innovation.
-    windowed : Largest sum of the last `window` squares of a channel.
+    single_limit : Largest square of one normalised innovation.
+    window_limit : Largest sum of the last `window` squares of a channel.
     window : Number of epochs in that sum.
-    consistent : (n_dof + 1,). Largest sum of squared residuals of a fit, by degrees of freedom.
-    shift : Largest square of the shift of position or velocity, relative to its covariance.
-    joint : Largest square of the shift of position or velocity and of the clock together, relative to their covariance.
-    offset : Largest square of the shift of clock bias or drift, relative to its variance.
+    residual_limits : (n_dof + 1,). Largest sum of squared residuals of a fit, by degrees of freedom.
+    shift_limit : Largest square of the shift of position or velocity, relative to its covariance.
+    joint_limit : Largest square of the shift of position or velocity and of the clock together, relative to their
+        covariance.
+    clock_limit : Largest square of the shift of clock bias or drift, relative to its variance.
     hold : Epochs for which a satellite stays excluded.
     exclusions : Largest number of exclusions in an epoch.
     recovery : Standard deviation added after a fault, as a multiple of the shift found.
     interval : s. Time between epochs.
     """
 
-    single: float
-    windowed: float
+    single_limit: float
+    window_limit: float
     window: int
-    consistent: Floats
-    shift: float
-    joint: float
-    offset: float
+    residual_limits: Floats
+    shift_limit: float
+    joint_limit: float
+    clock_limit: float
     hold: float
     exclusions: int
     recovery: float
@@ -47,7 +48,7 @@ class FaultTests(NamedTuple):
 class Monitor(NamedTuple):
     """Fault monitor of a run, updated in place.
 
-    out : (n_channel,). Remaining epochs without the channel.
+    remaining_hold : (n_channel,). Remaining epochs without the channel.
     recent_squares : (n_channel, window). Squares of the last normalised innovations of the channel.
     weight : (n_row,). Inverse variance of each scalar measurement; 0 if it is not used.
     square : (n_row,). Square of its normalised innovation.
@@ -56,15 +57,15 @@ class Monitor(NamedTuple):
     spare : (4, 4). Scratch for the inverse of another matrix.
     b : (4,). Right-hand side of the normal equations.
     fit : (4,). Solution of the normal equations.
-    isolated : (n_epoch,). Kind of fault isolated, as in `records.ISOLATED`.
-    excluded : (n_epoch, n_channel). 1 for the channels excluded at the epoch.
-    waited : (2,). Loose: epochs of disagreement with the solution. Tight: remaining hold epochs after an inertial
-        decision, and number of successive decisions.
+    fault_type : (n_epoch,). Kind of fault isolated, as in `records.ISOLATED`.
+    is_excluded : (n_epoch, n_channel). 1 for the channels excluded at the epoch.
+    fault_counters : (2,). Loose: epochs of disagreement with the solution. Tight: remaining hold epochs after an
+        inertial decision, and number of successive decisions.
     z : (n_row,). Innovations.
     variance : (n_row,). Noise variance in the filter model.
     """
 
-    out: Floats
+    remaining_hold: Floats
     recent_squares: Floats
     weight: Floats
     square: Floats
@@ -73,9 +74,9 @@ class Monitor(NamedTuple):
     spare: Floats
     b: Floats
     fit: Floats
-    isolated: Floats
-    excluded: Floats
-    waited: Floats
+    fault_type: Floats
+    is_excluded: Floats
+    fault_counters: Floats
     z: Floats
     variance: Floats
 
@@ -83,7 +84,7 @@ class Monitor(NamedTuple):
 def new_monitor(n_epoch: int, n_channel: int, n_row: int, window: int, lanes: int = 0) -> Monitor:
     """Return the arrays of a monitor: one run, or `lanes` runs on the last axis."""
     shapes = {
-        "out": (n_channel,),
+        "remaining_hold": (n_channel,),
         "recent_squares": (n_channel, window),
         "weight": (n_row,),
         "square": (n_row,),
@@ -92,9 +93,9 @@ def new_monitor(n_epoch: int, n_channel: int, n_row: int, window: int, lanes: in
         "spare": (N_FIT, N_FIT),
         "b": (N_FIT,),
         "fit": (N_FIT,),
-        "isolated": (n_epoch,),
-        "excluded": (n_epoch, n_channel),
-        "waited": (2,),
+        "fault_type": (n_epoch,),
+        "is_excluded": (n_epoch, n_channel),
+        "fault_counters": (2,),
         "z": (n_row,),
         "variance": (n_row,),
     }
@@ -105,48 +106,50 @@ def new_monitor(n_epoch: int, n_channel: int, n_row: int, window: int, lanes: in
 def begin_monitor(monitor):
     """Reset the monitor (Monitor, or None) at the start of a run: every channel is in use."""
     if monitor is not None:
-        monitor.waited[0] = like(monitor.waited[0], 0.0)
-        monitor.waited[1] = like(monitor.waited[0], 0.0)
-        for c in range(monitor.out.shape[0]):
-            monitor.out[c] = like(monitor.out[c], 0.0)
+        monitor.fault_counters[0] = number_like(monitor.fault_counters[0], 0.0)
+        monitor.fault_counters[1] = number_like(monitor.fault_counters[0], 0.0)
+        for c in range(monitor.remaining_hold.shape[0]):
+            monitor.remaining_hold[c] = number_like(monitor.remaining_hold[c], 0.0)
             for k in range(monitor.recent_squares.shape[1]):
-                monitor.recent_squares[c, k] = like(monitor.out[c], 0.0)
+                monitor.recent_squares[c, k] = number_like(monitor.remaining_hold[c], 0.0)
 
 
 @jit
-def clear_innovations(monitor, selected):
-    """Clear the stored innovations in the runs where `selected` is 1 (Monitor, or None).
+def clear_innovations(monitor, selection):
+    """Clear the stored innovations in the runs where `selection` is 1 (Monitor, or None).
 
     Called after a recovery or a restart of the filter: earlier innovations do not test the new estimate.
     """
     if monitor is not None:
         for c in range(monitor.recent_squares.shape[0]):
             for k in range(monitor.recent_squares.shape[1]):
-                monitor.recent_squares[c, k] = where(selected > 0.0, 0.0, monitor.recent_squares[c, k])
+                monitor.recent_squares[c, k] = where(selection > 0.0, 0.0, monitor.recent_squares[c, k])
 
 
-def permitted(monitor: Any, channel: Any, gate_squared: Any) -> Any:
-    """Return the gate for a channel: NOT_USED in the runs that exclude it (Monitor), otherwise `gate_squared`."""
+def channel_gate(monitor: Any, channel: Any, gate_squared: Any) -> Any:
+    """Return the gate for a channel: CLOSED_GATE in the runs that exclude it (Monitor), otherwise `gate_squared`."""
     if monitor is None:
         return gate_squared
-    return where(monitor.out[channel] > 0.0, NOT_USED, gate_squared)
+    return where(monitor.remaining_hold[channel] > 0.0, CLOSED_GATE, gate_squared)
 
 
-@overload(permitted)
-def _permitted(monitor, channel, gate_squared):
+@overload(channel_gate)
+def _overload_channel_gate(monitor, channel, gate_squared):
     if monitor == types.none:
         return lambda monitor, channel, gate_squared: gate_squared
-    return lambda monitor, channel, gate_squared: where(monitor.out[channel] > 0.0, NOT_USED, gate_squared)
+    return lambda monitor, channel, gate_squared: where(
+        monitor.remaining_hold[channel] > 0.0, CLOSED_GATE, gate_squared
+    )
 
 
-def decisions_of(isolated: Floats, excluded: Floats, t_epoch: Floats, first_run: int) -> Floats:
+def fault_decisions(fault_type: Floats, is_excluded: Floats, t_epoch: Floats, first_run: int) -> Floats:
     """Return the decisions of the fault monitors of some runs.
 
     Parameters
     ----------
-    isolated
+    fault_type
         (n_run, n_epoch). Kind of fault isolated, as in `records.ISOLATED`; 0 none.
-    excluded
+    is_excluded
         (n_run, n_epoch, n_channel). 1 for excluded channels.
     t_epoch
         (n_epoch,) s. Times of the epochs.
@@ -159,17 +162,17 @@ def decisions_of(isolated: Floats, excluded: Floats, t_epoch: Floats, first_run:
         (n, 4). Run, time (s), kind of fault, excluded channel (-1 none); one row per excluded channel.
     """
     decisions = []
-    for run, epoch in np.argwhere(isolated):
-        channels = np.flatnonzero(excluded[run, epoch]).tolist()
+    for run, epoch in np.argwhere(fault_type):
+        channels = np.flatnonzero(is_excluded[run, epoch]).tolist()
         for channel in channels or [-1]:
-            decisions.append((first_run + run, t_epoch[epoch], isolated[run, epoch], channel))
+            decisions.append((first_run + run, t_epoch[epoch], fault_type[run, epoch], channel))
     return np.array(decisions, dtype=float).reshape(-1, 4)
 
 
 @jit
 def limit(table, dof):
     """Return the threshold for a number of degrees of freedom; infinite without redundancy (dof below 1)."""
-    threshold = like(dof, np.inf)
+    threshold = number_like(dof, np.inf)
     for k in range(1, table.shape[0]):
         threshold = where(dof == float(k), table[k], threshold)
     return threshold
@@ -181,7 +184,7 @@ def invert(inverse, A):
     n = A.shape[0]
     for i in range(n):
         for j in range(n):
-            inverse[i, j] = like(A[0, 0], 1.0 if i == j else 0.0)
+            inverse[i, j] = number_like(A[0, 0], 1.0 if i == j else 0.0)
     for k in range(n):
         scale = 1.0 / A[k, k]
         for j in range(n):
@@ -208,7 +211,7 @@ def _fit_weight(monitor, row):
 
 
 @jit
-def fit(monitor, H, z, first, kind, n_kind, n_row):
+def fit(monitor, H, z, first, observable, n_observable, n_row):
     """Fit position or velocity and clock to the innovations z of one observable, by weighted least squares.
 
     Sets `monitor.fit` = (G' W G)^-1 G' W z and its covariance `monitor.inverse` = (G' W G)^-1.
@@ -219,7 +222,7 @@ def fit(monitor, H, z, first, kind, n_kind, n_row):
     H : (n_row, n_entry) Jacobian rows
     z : (n_row,) innovations
     first : first entry of position or velocity in a row
-    kind, n_kind : observable, and number of observables of a satellite
+    observable, n_observable : observable, and number of observables of a satellite
     n_row : number of rows
 
     Returns
@@ -227,21 +230,21 @@ def fit(monitor, H, z, first, kind, n_kind, n_row):
     square : weighted sum of squared residuals
     dof : degrees of freedom, rows in use minus 4
     """
-    zero = like(monitor.fit[0], 0.0)
+    zero = number_like(monitor.fit[0], 0.0)
     for i in range(N_FIT):
         monitor.b[i] = zero
         for j in range(N_FIT):
             # keeps the matrix regular with fewer than four rows; such a fit is not used, since its dof is negative
             monitor.A[i, j] = zero + (1e-12 if i == j else 0.0)
     dof = zero - N_FIT
-    for row in range(kind, n_row, n_kind):
+    for row in range(observable, n_row, n_observable):
         weight = _fit_weight(monitor, row)
         dof = dof + where(weight > 0.0, 1.0, 0.0)
         for i in range(N_FIT):
-            weighted = weight * _direction(H, row, first, i)
-            monitor.b[i] = monitor.b[i] + weighted * z[row]
+            weighted_entry = weight * _direction(H, row, first, i)
+            monitor.b[i] = monitor.b[i] + weighted_entry * z[row]
             for j in range(N_FIT):
-                normal_term = weighted * _direction(H, row, first, j)
+                normal_term = weighted_entry * _direction(H, row, first, j)
                 monitor.A[i, j] = monitor.A[i, j] + normal_term
     invert(monitor.inverse, monitor.A)
     for i in range(N_FIT):
@@ -250,7 +253,7 @@ def fit(monitor, H, z, first, kind, n_kind, n_row):
             total = total + monitor.inverse[i, j] * monitor.b[j]
         monitor.fit[i] = total
     square = zero
-    for row in range(kind, n_row, n_kind):
+    for row in range(observable, n_row, n_observable):
         residual = z[row]
         for i in range(N_FIT):
             residual = residual - _direction(H, row, first, i) * monitor.fit[i]

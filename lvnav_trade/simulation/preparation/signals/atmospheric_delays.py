@@ -10,7 +10,7 @@ import numpy as np
 from lvnav_trade.gnss.delay_cards import AtmosphereCard, CorrectionsCard, NoIonosphere, correction_models
 from lvnav_trade.gnss.delay_models import DelayGeometry, ionosphere_delay, troposphere_delay
 from lvnav_trade.gnss.receiver_cards import ReceiverCard
-from lvnav_trade.gnss.visibility import antenna
+from lvnav_trade.gnss.visibility import antenna_motion
 from lvnav_trade.quantities.frames import earth_angle, ecef_from_eci, geodetic_from_ecef, unit
 from lvnav_trade.quantities.line_of_sight import look_angles
 from lvnav_trade.quantities.records import Floats, Sky
@@ -41,11 +41,11 @@ class Delays(NamedTuple):
     def residual(self) -> Floats:
         """Residual delay of the code after the filter's correction, (n_epoch, n_sat, 2) m, m/s."""
         true = self.troposphere + self.ionosphere
-        modelled = self.modelled_troposphere + self.modelled_ionosphere
-        return np.asarray(true - modelled)
+        modelled_delay = self.modelled_troposphere + self.modelled_ionosphere
+        return np.asarray(true - modelled_delay)
 
     @property
-    def left_of_phase(self) -> Floats:
+    def phase_residual(self) -> Floats:
         """Residual delay of the carrier phase after the filter's correction, (n_epoch, n_sat) m."""
         air = self.troposphere - self.modelled_troposphere
         charge = self.ionosphere - self.modelled_ionosphere
@@ -66,7 +66,7 @@ def _geometry(trajectory: Trajectory, receiver: ReceiverCard, sky: Sky, shift: f
     """
     theta0 = trajectory.theta0
     t = np.clip(sky.t + shift, trajectory.start, trajectory.end)
-    antenna_r_i, _ = antenna(trajectory, receiver, t)
+    antenna_r_i, _ = antenna_motion(trajectory, receiver, t)
     time_since_epoch = (t - sky.t)[:, None, None]
     satellite_r_i = sky.r_i + time_since_epoch * sky.v_i
     line = satellite_r_i - antenna_r_i[:, None, :]
@@ -118,17 +118,17 @@ def delays(
     def geometries() -> list[tuple[DelayGeometry, Floats]]:
         return [_geometry(trajectory, receiver, sky, shift) for shift in (-HALF_STEP, 0.0, HALF_STEP)]
 
-    def delay_and_rate(kind: str, delay: Callable[[DelayGeometry], Floats], carrier_sign: float) -> Floats:
-        if kind == "none":
-            return np.zeros((*sky.tracked.shape, 2))
-        (earlier, t_earlier), (present, _), (later, t_later) = geometries()
-        before = delay(earlier)
-        now = delay(present)
-        after = delay(later)
+    def delay_and_rate(model_type: str, delay: Callable[[DelayGeometry], Floats], carrier_sign: float) -> Floats:
+        if model_type == "none":
+            return np.zeros((*sky.is_tracked.shape, 2))
+        (earlier_geometry, t_earlier), (present_geometry, _), (later_geometry, t_later) = geometries()
+        earlier_delay = delay(earlier_geometry)
+        present_delay = delay(present_geometry)
+        later_delay = delay(later_geometry)
         time_difference = (t_later - t_earlier)[:, None]
-        rate = carrier_sign * (after - before) / time_difference
-        values = np.stack([now, rate], axis=2)
-        return np.where(sky.tracked[:, :, None], values, 0.0)
+        rate = carrier_sign * (later_delay - earlier_delay) / time_difference
+        values = np.stack([present_delay, rate], axis=2)
+        return np.where(sky.is_tracked[:, :, None], values, 0.0)
 
     # two frequencies remove the ionosphere to first order, so it is neither true nor corrected
     air = atmosphere.troposphere

@@ -8,7 +8,7 @@ import numpy as np
 from lvnav_trade.gnss.reception import factors
 from lvnav_trade.kernels.earth import GM
 from lvnav_trade.quantities.frames import matrices
-from lvnav_trade.quantities.line_of_sight import Sight, falling, point_of, sight
+from lvnav_trade.quantities.line_of_sight import Sight, point_mass_gravitation, point_motion, sight
 from lvnav_trade.quantities.records import Floats, Motion, Sky
 from lvnav_trade.quantities.shared_cards import NoiseFactor
 from lvnav_trade.trajectory.flight import Trajectory, motion
@@ -19,22 +19,22 @@ class Lines(NamedTuple):
 
     trajectory : True flight.
     t : (n_epoch,) s since lift-off. Times of validity of the measurements.
-    at : Motion of the vehicle.
+    motion : Motion of the vehicle.
     C_b_i : (n_epoch, 3, 3). Attitude of the vehicle, body to frame i.
     position : (n_epoch, 3) m. Position of the point of the receiver's solution.
     velocity : (n_epoch, 3) m/s. Velocity of that point.
-    push : (n_epoch, 3) m/s^2. Acceleration of the vehicle, without that by the lever arm.
+    vehicle_acceleration : (n_epoch, 3) m/s^2. Acceleration of the vehicle, without that by the lever arm.
     sight : (n_epoch, n_sat). Line from the receiving antenna to the satellite.
     acceleration : (n_epoch, n_sat) m/s^2. Second derivative of the range.
     """
 
     trajectory: Trajectory
     t: Floats
-    at: Motion
+    motion: Motion
     C_b_i: Floats
     position: Floats
     velocity: Floats
-    push: Floats
+    vehicle_acceleration: Floats
     sight: Sight
     acceleration: Floats
 
@@ -57,10 +57,10 @@ def lines_of(trajectory: Trajectory, lever_b: Floats, sky: Sky) -> Lines:
     """
     vehicle = motion(trajectory, sky.t)
     C_b_i = matrices(vehicle.q_b_i)
-    position, velocity = point_of(vehicle, C_b_i, lever_b)
+    position, velocity = point_motion(vehicle, C_b_i, lever_b)
     specific_force_i = np.einsum("nij,nj->ni", C_b_i, vehicle.f_b)
-    acceleration = falling(vehicle.r_i, GM) + specific_force_i
-    antennas = [point_of(vehicle, C_b_i, lever) for lever in sky.lever_arms]
+    acceleration = point_mass_gravitation(vehicle.r_i, GM) + specific_force_i
+    antennas = [point_motion(vehicle, C_b_i, lever) for lever in sky.lever_arms]
     antenna_r_i = np.stack([r_i for r_i, _ in antennas], axis=1)
     antenna_v_i = np.stack([v_i for _, v_i in antennas], axis=1)
     receiving = sky.antenna[:, :, None]
@@ -68,15 +68,15 @@ def lines_of(trajectory: Trajectory, lever_b: Floats, sky: Sky) -> Lines:
         sky.r_i - np.take_along_axis(antenna_r_i, receiving, axis=1),
         sky.v_i - np.take_along_axis(antenna_v_i, receiving, axis=1),
     )
-    relative_acceleration = falling(sky.r_i, GM) - acceleration[:, None, :]
+    relative_acceleration = point_mass_gravitation(sky.r_i, GM) - acceleration[:, None, :]
     return Lines(
         trajectory=trajectory,
         t=sky.t,
-        at=vehicle,
+        motion=vehicle,
         C_b_i=C_b_i,
         position=position,
         velocity=velocity,
-        push=acceleration,
+        vehicle_acceleration=acceleration,
         sight=lines,
         acceleration=lines.acceleration(relative_acceleration),
     )

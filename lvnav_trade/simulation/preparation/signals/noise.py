@@ -6,24 +6,24 @@ from typing import Any
 import numpy as np
 
 from lvnav_trade.filter.assumed import ReceiverModel
-from lvnav_trade.gnss.faults import Failures
+from lvnav_trade.gnss.faults import FaultEffects
 from lvnav_trade.gnss.receiver_cards import ReceiverCard
 from lvnav_trade.gnss.reception import factors
 from lvnav_trade.quantities.records import Floats, Sky
-from lvnav_trade.scenario.filter_models import smoothing_of, solves
+from lvnav_trade.scenario.filter_models import carrier_smoothing, has_receiver_solution
 from lvnav_trade.scenario.scenario import Scenario
 from lvnav_trade.sensors.family import RECEIVER_SOLUTION
 from lvnav_trade.sensors.receiver_observables import DIFFERENCES, PHASES, Channels
-from lvnav_trade.simulation.preparation.options import direct
+from lvnav_trade.simulation.preparation.options import direct_solution
 from lvnav_trade.simulation.preparation.sensors import Sensor
 from lvnav_trade.simulation.preparation.signals.lines_of_sight import Lines
 from lvnav_trade.trajectory.flight import Trajectory
 
 
-def by_channel(
+def channel_table(
     channels: Channels,
     n_epoch: int,
-    own: tuple[Any, ...],
+    receiver_values: tuple[Any, ...],
     devices: tuple[Sensor, ...],
     field: str,
 ) -> Floats:
@@ -35,7 +35,7 @@ def by_channel(
         Measurement channels.
     n_epoch
         Number of epochs.
-    own
+    receiver_values
         Values of the receiver: for each observable, a number or (n_epoch, n_sat); or for position and velocity, a
         number or (n_epoch, 1).
     devices, field
@@ -44,11 +44,11 @@ def by_channel(
     table = np.empty((n_epoch, channels.n_channel))
     n = channels.n_receiver
     if channels.tight:
-        for observable, value in zip(channels.observables, own, strict=True):
-            table[:, channels.of(observable)] = value
+        for observable, value in zip(channels.observables, receiver_values, strict=True):
+            table[:, channels.observable_slice(observable)] = value
     else:
-        table[:, :3], table[:, 3:n] = own
-    for first, device in zip(channels.first, devices, strict=True):
+        table[:, :3], table[:, 3:n] = receiver_values
+    for first, device in zip(channels.first_channels, devices, strict=True):
         values = getattr(device, field)
         n_scalar = values.shape[1]
         table[:, first : first + n_scalar] = values
@@ -67,7 +67,7 @@ def rate_sigma_of(scenario: Scenario, sky: Sky, trajectory: Trajectory) -> Float
     trajectory
         True flight.
     """
-    smoothing = smoothing_of(scenario)
+    smoothing = carrier_smoothing(scenario)
     if smoothing is None or smoothing.velocity == "doppler":
         return sky.rate_sigma
     sigma = phase_sigma(scenario.receiver, sky, trajectory)
@@ -92,7 +92,7 @@ def phase_sigma(receiver: ReceiverCard, sky: Sky, trajectory: Trajectory) -> Flo
 
 
 def true_sigma(scenario: Scenario, sky: Sky, line: Lines, channels: Channels) -> tuple[Any, ...]:
-    """Return the sigmas of white noise of a receiver without faults, see `own` in `by_channel`.
+    """Return the sigmas of white noise of a receiver without faults, see `receiver_values` in `channel_table`.
 
     The sigma of a difference of two epochs is that of the differenced observable.
 
@@ -108,14 +108,14 @@ def true_sigma(scenario: Scenario, sky: Sky, line: Lines, channels: Channels) ->
     if channels.tight:
         rate = rate_sigma_of(scenario, sky, line.trajectory)
         return tuple(rate if name == "range_rate" else _sky_sigma(sky, name) for name in channels.observables)
-    solution = direct(scenario)
+    solution = direct_solution(scenario)
     position_factor, velocity_factor = line.noise_factors(scenario.receiver.noise_by, RECEIVER_SOLUTION)
     position_sigma = solution.position_sigma * position_factor
     velocity_sigma = solution.velocity_sigma * velocity_factor
     return position_sigma, velocity_sigma
 
 
-def grown_sigma(sigma: Floats, channels: Channels, failed: Failures) -> Floats:
+def sigma_with_faults(sigma: Floats, channels: Channels, failures: FaultEffects) -> Floats:
     """Return the true sigma with the factors of faults, (n_epoch, n_channel) SI.
 
     Parameters
@@ -124,17 +124,17 @@ def grown_sigma(sigma: Floats, channels: Channels, failed: Failures) -> Floats:
         (n_epoch, n_channel) SI. Sigma without faults, which the filter may use; it is not changed.
     channels
         Measurement channels.
-    failed
+    failures
         Effects of faults on the receiver.
     """
     if channels.tight:
-        factor = np.repeat(failed.noise, len(channels.observables), axis=1)
+        factor = np.repeat(failures.noise, len(channels.observables), axis=1)
     else:
-        factor = failed.solution_noise[:, None]
+        factor = failures.solution_noise[:, None]
     n = channels.n_receiver
-    grown = sigma.copy()
-    grown[:, :n] = sigma[:, :n] * factor
-    return grown
+    scaled_sigma = sigma.copy()
+    scaled_sigma[:, :n] = sigma[:, :n] * factor
+    return scaled_sigma
 
 
 def assumed_variance(
@@ -169,9 +169,9 @@ def assumed_variance(
     else:
         position_factor, velocity_factor = line.noise_factors(model.noise_by, RECEIVER_SOLUTION)
         variances = ((model.position_sigma * position_factor) ** 2, (model.velocity_sigma * velocity_factor) ** 2)
-    if solves(scenario):
+    if has_receiver_solution(scenario):
         variances = (1.0, 1.0)
-    return by_channel(channels, sky.t.size, variances, devices, "variance")
+    return channel_table(channels, sky.t.size, variances, devices, "variance")
 
 
 def _observable_variance(scenario: Scenario, model: ReceiverModel, sky: Sky, line: Lines, name: str) -> Floats:
@@ -216,7 +216,7 @@ def assumed_sigma(scenario: Scenario, model: ReceiverModel, sky: Sky, line: Line
     name = DIFFERENCES.get(observable, observable)
     (factor,) = line.noise_factors(model.noise_by, (name,))
     sigma = getattr(model, f"{name}_sigma")
-    shape = sky.tracked.shape
+    shape = sky.is_tracked.shape
     return np.asarray(sigma * factor * np.ones(shape))
 
 

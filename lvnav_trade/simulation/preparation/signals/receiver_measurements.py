@@ -11,14 +11,19 @@ from lvnav_trade.quantities.error_sources import CLOCK_START, CLOCK_STEP, RANGE_
 from lvnav_trade.quantities.line_of_sight import lever_partials, ranging_rows
 from lvnav_trade.quantities.records import Bools, Floats, Ints
 from lvnav_trade.quantities.state_layout import RELATIVE, ExtraBlock
-from lvnav_trade.scenario.filter_models import epoch_interval, filter_models, solves
+from lvnav_trade.scenario.filter_models import epoch_interval, filter_models, has_receiver_solution
 from lvnav_trade.scenario.scenario import Scenario
 from lvnav_trade.sensors.receiver_observables import Channels, MeasurementGeometry, partial, sensor_states
 from lvnav_trade.simulation.preparation.filtering import CaseFilter
 from lvnav_trade.simulation.preparation.inputs import CorrelatedErrors, Signals
 from lvnav_trade.simulation.preparation.sensors import Sensor
 from lvnav_trade.simulation.preparation.signals.lines_of_sight import Lines
-from lvnav_trade.simulation.preparation.signals.noise import assumed_variance, by_channel, grown_sigma, true_sigma
+from lvnav_trade.simulation.preparation.signals.noise import (
+    assumed_variance,
+    channel_table,
+    sigma_with_faults,
+    true_sigma,
+)
 from lvnav_trade.simulation.preparation.true_flight import TrueFlight
 from lvnav_trade.simulation.preparation.tuning import weights
 
@@ -28,55 +33,55 @@ _DRAWS = (CLOCK_STEP, RANGE_NOISE, SOLUTION_NOISE, CLOCK_START)
 class UsedSatellites(NamedTuple):
     """Satellites in use at the epochs.
 
-    used : (n_epoch, n_slot). Satellite of each slot, -1 none.
+    satellite_by_slot : (n_epoch, n_slot). Satellite of each slot, -1 none.
     n_used : (n_epoch,). Number of satellites in use.
-    frozen : (n_epoch,). Whether the receiver repeats the output of the epoch before.
+    is_frozen : (n_epoch,). Whether the receiver repeats the output of the epoch before.
     """
 
-    used: Ints
+    satellite_by_slot: Ints
     n_used: Ints
-    frozen: Bools
+    is_frozen: Bools
 
 
 class TrueSignals(NamedTuple):
     """True side of `Signals`: measurements of the receiver, independent of the filter; fields as there.
 
-    used : (n_epoch, n_slot). Satellite of each slot, -1 none.
+    satellite_by_slot : (n_epoch, n_slot). Satellite of each slot, -1 none.
     n_used : (n_epoch,). Number of satellites in use, before the filter checks them.
-    words : (n_sat,). Keys of the satellites for random draws.
+    satellite_keys : (n_sat,). Keys of the satellites for random draws.
     range : (n_epoch, n_sat) m. Pseudorange without clock and random errors.
     rate : (n_epoch, n_sat) m/s. Range rate, likewise.
     position : (n_epoch, 3) m. Receiver's solution without random errors, frame i.
     velocity : (n_epoch, 3) m/s. Receiver's solution without random errors, frame i.
-    satellite : (n_epoch, n_sat, 3) m. Satellite position that the filter uses, frame i.
+    satellite_position : (n_epoch, n_sat, 3) m. Satellite position that the filter uses, frame i.
     satellite_velocity : (n_epoch, n_sat, 3) m/s. Satellite velocity that the filter uses, frame i.
     sigma : (n_epoch, n_measured) SI. True sigma of white noise.
     clock_step : (3,). Cholesky factor of the receiver clock's noise over an epoch.
     clock_start : (2,) m, m/s. Initial sigma of clock bias and drift.
     clock_jump : (n_epoch, 2) m, m/s. Jump of clock bias and drift at the epoch.
-    frozen : (n_epoch,). Whether the receiver repeats the output of the epoch before.
+    is_frozen : (n_epoch,). Whether the receiver repeats the output of the epoch before.
     interval : s. Time between epochs.
-    sources : (4,). Keys of random draws.
-    shared : Correlated measurement errors.
+    source_keys : (4,). Keys of random draws.
+    correlated_errors : Correlated measurement errors.
     """
 
-    used: Ints
+    satellite_by_slot: Ints
     n_used: Ints
-    words: NDArray[np.uint64]
+    satellite_keys: NDArray[np.uint64]
     range: Floats
     rate: Floats
     position: Floats
     velocity: Floats
-    satellite: Floats
+    satellite_position: Floats
     satellite_velocity: Floats
     sigma: Floats
     clock_step: Floats
     clock_start: Floats
     clock_jump: Floats
-    frozen: Bools
+    is_frozen: Bools
     interval: float
-    sources: NDArray[np.uint64]
-    shared: CorrelatedErrors
+    source_keys: NDArray[np.uint64]
+    correlated_errors: CorrelatedErrors
 
 
 class AssumedNoise(NamedTuple):
@@ -94,21 +99,21 @@ class AssumedNoise(NamedTuple):
     partial: Floats
 
 
-def _in_solution(line: Lines, tracked: Bools, errors: Floats) -> Floats:
+def _solution_errors(line: Lines, is_tracked: Bools, errors: Floats) -> Floats:
     """Return the errors (n_epoch, 6) of a least-squares solution by errors of ranges and rates (n_epoch, n_sat, 2)."""
-    position_error = _shifts(line, tracked, errors[:, :, 0])
-    velocity_error = _shifts(line, tracked, errors[:, :, 1])
+    position_error = _solution_shifts(line, is_tracked, errors[:, :, 0])
+    velocity_error = _solution_shifts(line, is_tracked, errors[:, :, 1])
     return np.hstack([position_error, velocity_error])
 
 
-def geometry_of(line: Lines, tracked: Bools, troposphere: Floats, ionosphere: Floats) -> MeasurementGeometry:
+def geometry_of(line: Lines, is_tracked: Bools, troposphere: Floats, ionosphere: Floats) -> MeasurementGeometry:
     """Return the inputs of partial derivatives of measurements.
 
     Parameters
     ----------
     line
         Lines of sight.
-    tracked
+    is_tracked
         (n_epoch, n_sat). Whether the satellite is tracked.
     troposphere, ionosphere
         (n_epoch, n_sat, 2) m, m/s. Delays and their rates.
@@ -117,41 +122,41 @@ def geometry_of(line: Lines, tracked: Bools, troposphere: Floats, ionosphere: Fl
         rate=line.sight.rate,
         acceleration=line.acceleration,
         velocity=line.velocity,
-        push=line.push,
+        antenna_acceleration=line.vehicle_acceleration,
         troposphere=troposphere,
         ionosphere=ionosphere,
-        solution_troposphere=_in_solution(line, tracked, troposphere),
-        solution_ionosphere=_in_solution(line, tracked, ionosphere),
-        lever=lever_partials(line.sight, line.C_b_i, line.at.w_ib_b),
+        solution_troposphere=_solution_errors(line, is_tracked, troposphere),
+        solution_ionosphere=_solution_errors(line, is_tracked, ionosphere),
+        lever=lever_partials(line.sight, line.C_b_i, line.motion.w_ib_b),
     )
 
 
-def slots(tracked: Bools) -> tuple[np.ndarray, np.ndarray]:
+def slots(is_tracked: Bools) -> tuple[np.ndarray, np.ndarray]:
     """Return the satellite in each slot, (n_epoch, n_slot), -1 none, and the number of satellites, (n_epoch,).
 
-    tracked : (n_epoch, n_sat). Whether the satellite is tracked.
+    is_tracked : (n_epoch, n_sat). Whether the satellite is tracked.
     """
-    n_used = tracked.sum(axis=1).astype(np.int64)
-    n_epoch = len(tracked)
+    n_used = is_tracked.sum(axis=1).astype(np.int64)
+    n_epoch = len(is_tracked)
     n_slot = max(1, int(n_used.max(initial=0)))
     satellite_by_slot = np.full((n_epoch, n_slot), -1, dtype=np.int64)
     for epoch in range(n_epoch):
-        satellites = np.flatnonzero(tracked[epoch])
+        satellites = np.flatnonzero(is_tracked[epoch])
         satellite_by_slot[epoch, : satellites.size] = satellites
     return satellite_by_slot, n_used
 
 
-def _shifts(line: Lines, tracked: Bools, errors: Floats) -> Floats:
+def _solution_shifts(line: Lines, is_tracked: Bools, errors: Floats) -> Floats:
     """Return the errors (n_epoch, 3) of a least-squares solution by errors of ranges or of rates (n_epoch, n_sat)."""
     shift = np.zeros((len(errors), 3))
-    tracked_errors = np.where(tracked, errors, 0.0)
+    tracked_errors = np.where(is_tracked, errors, 0.0)
     erroneous = np.any(tracked_errors != 0.0, axis=1)
     for epoch in np.flatnonzero(erroneous):
-        is_tracked = tracked[epoch]
-        if np.count_nonzero(is_tracked) >= 4:
-            directions = line.sight.direction[epoch, is_tracked]
+        selection = is_tracked[epoch]
+        if np.count_nonzero(selection) >= 4:
+            directions = line.sight.direction[epoch, selection]
             rows = ranging_rows(directions)
-            solution, *_ = np.linalg.lstsq(rows, errors[epoch, is_tracked])
+            solution, *_ = np.linalg.lstsq(rows, errors[epoch, selection])
             shift[epoch] = solution[:3]
     return shift
 
@@ -172,18 +177,18 @@ def _extra_partial(
         if state.label in block.labels:
             partials = sensor_partials
             break
-    for first, device in zip(channels.first, devices, strict=True):
-        if RELATIVE.get(device.channels.measures) == block.name:
-            partials[:, first : first + 3] = device.since[:, None]
+    for first, device in zip(channels.first_channels, devices, strict=True):
+        if RELATIVE.get(device.channels.measurement) == block.name:
+            partials[:, first : first + 3] = device.time_since_measurement[:, None]
     return partials
 
 
-def received_of(
+def true_signals_of(
     scenario: Scenario,
     flight: TrueFlight,
-    shared: CorrelatedErrors,
+    correlated_errors: CorrelatedErrors,
     residual: Floats,
-    tabled: Floats,
+    solution_errors: Floats,
 ) -> TrueSignals:
     """Return the true side of satellites and receiver at the epochs.
 
@@ -191,65 +196,65 @@ def received_of(
     ----------
     scenario, flight
         Validated model of the case, and its true flight.
-    shared
+    correlated_errors
         Correlated measurement errors.
     residual
         (n_epoch, n_sat, 2) m, m/s. Residual errors of ranges and rates after corrections: delays, clocks, smoothing.
-    tabled
+    solution_errors
         (n_epoch, 6) m, m/s. Deterministic errors of the solution, frame i.
     """
     clock = scenario.receiver.clock
     sky = flight.sky
     line = flight.lines
-    failed = flight.failed
-    satellite_by_slot, n_used = slots(sky.tracked)
+    failures = flight.failures
+    satellite_by_slot, n_used = slots(sky.is_tracked)
     noise = true_sigma(scenario, sky, line, flight.ranging)
-    sigma = by_channel(flight.ranging, sky.t.size, noise, flight.devices, "sigma")
+    sigma = channel_table(flight.ranging, sky.t.size, noise, flight.devices, "sigma")
     interval = epoch_interval(scenario)
-    range_error, rate_error = np.moveaxis(flight.biased + residual, 2, 0)
+    range_error, rate_error = np.moveaxis(flight.fault_errors + residual, 2, 0)
     ranges = np.asarray(line.sight.distance + range_error)
     rates = np.asarray(line.sight.rate + rate_error)
-    position_error = _shifts(line, sky.tracked, range_error)
-    velocity_error = _shifts(line, sky.tracked, rate_error)
-    position = line.position + position_error + tabled[:, :3]
-    velocity = line.velocity + velocity_error + tabled[:, 3:]
-    if not solves(scenario):  # otherwise the receiver continues internally while its output is frozen
-        freeze_output(failed.frozen, satellite_by_slot, n_used, ranges, rates, position, velocity)
+    position_error = _solution_shifts(line, sky.is_tracked, range_error)
+    velocity_error = _solution_shifts(line, sky.is_tracked, rate_error)
+    position = line.position + position_error + solution_errors[:, :3]
+    velocity = line.velocity + velocity_error + solution_errors[:, 3:]
+    if not has_receiver_solution(scenario):  # otherwise the receiver continues internally while its output is frozen
+        freeze_output(failures.is_frozen, satellite_by_slot, n_used, ranges, rates, position, velocity)
     return TrueSignals(
-        used=satellite_by_slot,
+        satellite_by_slot=satellite_by_slot,
         n_used=n_used,
-        words=np.array([source_word(name) for name in sky.names], dtype=np.uint64),
+        satellite_keys=np.array([source_word(name) for name in sky.names], dtype=np.uint64),
         range=ranges,
         rate=rates,
         position=position,
         velocity=velocity,
-        satellite=np.ascontiguousarray(sky.r_i),
+        satellite_position=np.ascontiguousarray(sky.r_i),
         satellite_velocity=np.ascontiguousarray(sky.v_i),
-        sigma=grown_sigma(sigma, flight.ranging, failed),
+        sigma=sigma_with_faults(sigma, flight.ranging, failures),
         clock_step=np.array(clock_step(interval, clock.h0, clock.h_minus2)),
         clock_start=np.array([clock.initial_bias, clock.initial_drift]),
-        clock_jump=failed.jump,
-        frozen=failed.frozen,
+        clock_jump=failures.jump,
+        is_frozen=failures.is_frozen,
         interval=interval,
-        sources=np.array([source_word(name) for name in _DRAWS], dtype=np.uint64),
-        shared=shared,
+        source_keys=np.array([source_word(name) for name in _DRAWS], dtype=np.uint64),
+        correlated_errors=correlated_errors,
     )
 
 
-def assumed_of(scenario: Scenario, flight: TrueFlight, filtering: CaseFilter) -> AssumedNoise:
+def assumed_noise_of(scenario: Scenario, flight: TrueFlight, filtering: CaseFilter) -> AssumedNoise:
     """Return the noise model of the measurements in the filter."""
     sky = flight.sky
     line = flight.lines
-    delays = flight.delays
+    delays = flight.atmospheric_delays
     channels = flight.channels
     devices = flight.devices
-    modelled = geometry_of(line, sky.tracked, delays.modelled_troposphere, delays.modelled_ionosphere)
-    extra = [_extra_partial(block, modelled, channels, devices) for block in filtering.layout.extras]
+    modelled_geometry = geometry_of(line, sky.is_tracked, delays.modelled_troposphere, delays.modelled_ionosphere)
+    extra = [_extra_partial(block, modelled_geometry, channels, devices) for block in filtering.layout.extras]
     _, model, _ = filter_models(scenario)
     variance = assumed_variance(scenario, model, channels, sky, line, devices)
     cards = scenario.filter.underweighting
-    course = flight.trajectory.course
-    beta, factor = weights(cards, course, filtering.model.row_type, flight.epochs.t)
+    flight_profile = flight.trajectory.flight_profile
+    beta, factor = weights(cards, flight_profile, filtering.model.channel_type, flight.epochs.t)
     weighted_variance = variance * factor
     shape = (len(extra), sky.t.size, channels.n_channel)
     partials = np.array(extra).reshape(shape)
@@ -258,8 +263,8 @@ def assumed_of(scenario: Scenario, flight: TrueFlight, filtering: CaseFilter) ->
 
 def signals_of(
     flight: TrueFlight,
-    received: TrueSignals,
-    assumed: AssumedNoise,
+    true_signals: TrueSignals,
+    assumed_noise: AssumedNoise,
     in_use: UsedSatellites,
     reference: Ints,
 ) -> Signals:
@@ -269,12 +274,12 @@ def signals_of(
     ----------
     flight
         True flight.
-    received, assumed
+    true_signals, assumed_noise
         True side, filter side.
     in_use
         Satellites that the filter uses.
     reference
-        (n_epoch, n_kind). Slot of the reference satellite, -1 none.
+        (n_epoch, n_observable). Slot of the reference satellite, -1 none.
     """
     channels = flight.channels
     antenna = flight.sky.antenna
@@ -285,4 +290,4 @@ def signals_of(
         "reference": reference,
         "shift": flight.ranging.n_receiver - channels.n_receiver,
     }
-    return Signals(**(received._asdict() | assumed._asdict() | common))
+    return Signals(**(true_signals._asdict() | assumed_noise._asdict() | common))

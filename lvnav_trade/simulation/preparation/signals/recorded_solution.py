@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lvnav_trade.gnss.receiver_cards import DirectSolution
-from lvnav_trade.gnss.recorded_errors import ErrorTable, in_frame_i, sampled
+from lvnav_trade.gnss.recorded_errors import ErrorTable, inertial_errors, sample_errors
 from lvnav_trade.kernels.random import philox, seed_words, source_word
 from lvnav_trade.quantities.frames import earth_angle
 from lvnav_trade.quantities.records import Bools, Floats, Sky
@@ -41,7 +41,7 @@ def table_of(scenario: Scenario) -> ErrorTable | None:
     return solution.error_table if isinstance(solution, DirectSolution) else None
 
 
-def recorded(
+def recorded_solution_errors(
     scenario: Scenario,
     theta0: float,
     line: Lines,
@@ -71,9 +71,9 @@ def recorded(
     n_epoch = sky.t.size
     if card is None or channels.tight:
         return RecordedErrors(mean=np.zeros((n_epoch, 6)), errors=(), values=np.zeros((0, 1)))
-    recorded_table = sampled(card, sky.t)
+    recorded_table = sample_errors(card, sky.t)
     earth_rotation = earth_angle(theta0, sky.t)
-    table = in_frame_i(recorded_table, card.frame, line.position, earth_rotation)
+    table = inertial_errors(recorded_table, card.frame, line.position, earth_rotation)
     freeze_output(frozen, np.swapaxes(table, 0, 1))
     mean = table.mean(axis=0)
     deviations = (table - mean).reshape(card.starts, -1)
@@ -83,8 +83,8 @@ def recorded(
     is_significant = singular_values > _NEGLIGIBLE * largest
     count = int(np.count_nonzero(is_significant))
     root_starts = np.sqrt(card.starts)
-    scaled = singular_values[:count, None] * shapes[:count] / root_starts
-    by_epoch = scaled.reshape(count, n_epoch, 6)
+    scaled_shapes = singular_values[:count, None] * shapes[:count] / root_starts
+    by_epoch = scaled_shapes.reshape(count, n_epoch, 6)
     # error k enters the channels of the solution only, with the k-th singular vector as its derivative
     n_channel = channels.n_channel
     partials = np.pad(by_epoch, ((0, 0), (0, 0), (0, n_channel - 6)))
@@ -98,24 +98,24 @@ def recorded(
     return RecordedErrors(mean, tuple(errors), values)
 
 
-def values_of(recorded: RecordedErrors, seed: int, runs: NDArray[Any]) -> Floats:
+def run_coefficients(recorded_errors: RecordedErrors, seed: int, runs: NDArray[Any]) -> Floats:
     """Return the coefficients (n_component, n_run) of runs, by the starts that they draw.
 
     Parameters
     ----------
-    recorded
+    recorded_errors
         Recorded errors of the solution.
     seed
         Seed of the campaign.
     runs
         (n_run,). Numbers of the runs.
     """
-    n_start = recorded.values.shape[1]
-    starts = [start_of(seed, int(run), n_start) for run in runs]
-    return recorded.values[:, starts]
+    n_start = recorded_errors.values.shape[1]
+    starts = [recording_start(seed, int(run), n_start) for run in runs]
+    return recorded_errors.values[:, starts]
 
 
-def start_of(seed: int, run: int, n_start: int) -> int:
+def recording_start(seed: int, run: int, n_start: int) -> int:
     """Return the start that a run draws, 0 to n_start - 1.
 
     Parameters

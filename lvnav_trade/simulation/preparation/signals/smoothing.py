@@ -8,7 +8,7 @@ from lvnav_trade.filter.receivers.carrier_smoothing import Smoothing, gains, smo
 from lvnav_trade.kernels.random import source_word
 from lvnav_trade.quantities.error_sources import PHASE_NOISE
 from lvnav_trade.quantities.records import Floats, Sky
-from lvnav_trade.scenario.filter_models import epoch_interval, smoothing_of
+from lvnav_trade.scenario.filter_models import carrier_smoothing, epoch_interval
 from lvnav_trade.scenario.scenario import Scenario
 from lvnav_trade.sensors.sensor import CorrelatedError
 from lvnav_trade.simulation.preparation.correlated import MULTIPATH, EnteringError
@@ -19,11 +19,11 @@ from lvnav_trade.simulation.preparation.signals.phases_and_differences import wa
 
 def smoothing_gains(scenario: Scenario, sky: Sky) -> Floats | None:
     """Return the gains (n_epoch, n_sat) of the receiver's carrier smoothing; None without."""
-    card = smoothing_of(scenario)
+    card = carrier_smoothing(scenario)
     if card is None:
         return None
     window = max(1, round(card.time / epoch_interval(scenario)))
-    return gains(sky.tracked, sky.continuous, window)
+    return gains(sky.is_tracked, sky.continuous, window)
 
 
 def smoothing_numbers(
@@ -52,7 +52,7 @@ def smoothing_numbers(
     code = []
     for item in errors:
         range_partial = np.broadcast_to(item.partial[:, 0:n:2], gain.shape)
-        code.append(_in_code(item.error) * range_partial)
+        code.append(_code_share(item.error) * range_partial)
     return Smoothing(
         gain=gain,
         sigma=phase_sigma(scenario.receiver, sky, line.trajectory),
@@ -61,15 +61,15 @@ def smoothing_numbers(
     )
 
 
-def _in_code(error: CorrelatedError) -> float:
+def _code_share(error: CorrelatedError) -> float:
     """Return the difference between the errors of code and carrier, relative to that of the code.
 
     The ionosphere advances the carrier as much as it delays the code (2). Multipath and wild samples affect the code
     only (1). All other errors (satellite clock, troposphere, time tags, lever arms) are equal in both (0).
     """
-    if error.kind == "ionosphere_scale":
+    if error.error_type == "ionosphere_scale":
         return 2.0
-    return 1.0 if error.kind == "wild" or error.source == MULTIPATH else 0.0
+    return 1.0 if error.error_type == "wild" or error.source == MULTIPATH else 0.0
 
 
 def smoothing_offsets(
@@ -97,7 +97,7 @@ def smoothing_offsets(
     line
         Lines of sight.
     """
-    card = smoothing_of(scenario)
+    card = carrier_smoothing(scenario)
     if card is None or gain is None:
         return 0.0
     jump = wavelength(scenario) * slip

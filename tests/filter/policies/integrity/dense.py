@@ -15,7 +15,7 @@ import numpy as np
 
 from lvnav_trade.filter.policies.integrity.assess import assess
 from lvnav_trade.filter.policies.integrity.state import new_monitor
-from lvnav_trade.filter.policies.policy_cards import IntegrityCard, thresholds_of
+from lvnav_trade.filter.policies.policy_cards import IntegrityCard, build_fault_tests
 from lvnav_trade.kernels.transition import CONSTANT
 from lvnav_trade.sensors.jacobian_row import H_CLOCK, H_POS, H_VEL, N_ENTRY
 
@@ -28,9 +28,9 @@ NOTHING = np.zeros(3)
 
 class Model(NamedTuple):
     tight: bool
-    n_kind: int
-    every: int
-    measured: np.ndarray
+    n_observable: int
+    decimation: int
+    is_processed: np.ndarray
     n_entry: np.ndarray
     entry: np.ndarray
     column: np.ndarray
@@ -43,13 +43,13 @@ class Model(NamedTuple):
 
 
 class Signals(NamedTuple):
-    used: np.ndarray
+    satellite_by_slot: np.ndarray
     n_used: np.ndarray
 
 
 class Options(NamedTuple):
-    integrity: Any
-    delayed: Any = None
+    fault_tests: Any
+    differences: Any = None
 
 
 class Case(NamedTuple):
@@ -109,7 +109,7 @@ def fly(fault: Fault, n_sat: int, seed: int, tested: bool = True) -> dict[str, A
                   np.array([9, 12]), np.array([0, 1]), np.array([CONSTANT] * 2), N, 2 * n_sat)  # fmt: skip
     signals = Signals(np.tile(np.arange(n_sat), (END, 1)), np.full(END, n_sat))
     own = new_monitor(END, 2 * n_sat, 2 * n_sat, 5)
-    tests = thresholds_of(IntegrityCard(), 2 * n_sat * END, n_sat, 1.0)
+    tests = build_fault_tests(IntegrityCard(), 2 * n_sat * END, n_sat, 1.0)
     P, x = np.diag(SIGMA**2), SIGMA * rng.normal(size=N)
     R = np.tile([RANGE**2, RATE**2], n_sat)
     own.variance[...] = R
@@ -129,16 +129,16 @@ def fly(fault: Fault, n_sat: int, seed: int, tested: bool = True) -> dict[str, A
         if tested:
             own.z[...] = z
             assess(own, Work(P, H), case, 1.0, epoch)
-            use = own.out <= 0.0
+            use = own.remaining_hold <= 0.0
         if np.any(use):
             h, noise = rows[use], np.diag(R[use])
             gain = P @ h.T @ np.linalg.inv(h @ P @ h.T + noise)
             x, left = x - gain @ z[use], np.eye(N) - gain @ h
             P = left @ P @ left.T + gain @ noise @ gain.T
         place.append(float(np.linalg.norm(x[6:9])))
-    at = np.flatnonzero(own.isolated)
-    named = sorted({int(c) // 2 for c in np.flatnonzero(own.excluded.any(axis=0))})
-    return {"kinds": own.isolated[at].astype(int).tolist(), "first": int(at[0]) if at.size else -1, "named": named,
+    at = np.flatnonzero(own.fault_type)
+    named = sorted({int(c) // 2 for c in np.flatnonzero(own.is_excluded.any(axis=0))})
+    return {"kinds": own.fault_type[at].astype(int).tolist(), "first": int(at[0]) if at.size else -1, "named": named,
             "used": int(np.count_nonzero(use)) // 2, "largest": max(place[START:]), "last": place[-1]}  # fmt: skip
 
 

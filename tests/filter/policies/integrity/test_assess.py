@@ -29,14 +29,14 @@ FAULTS = {
 
 
 @lru_cache(maxsize=16)
-def prepared(name, *settings):
+def prepared_case(name, *settings):
     faults, _ = FAULTS[name]
     return prepare_hop(with_fields(loaded(MATCHED, *settings), faults=faults, **{"filter.integrity": {"hold": "20 s"}}))
 
 
 @lru_cache(maxsize=16)
 def flown(name, *settings):
-    return run_block(prepared(name, *settings), 3, 0, RUNS)
+    return run_block(prepared_case(name, *settings), 3, 0, RUNS)
 
 
 def first_decisions(block):
@@ -59,9 +59,9 @@ def test_what_failed_is_isolated_within_five_epochs(name):
 
 
 def test_the_excluded_channel_is_that_of_the_fault():
-    block, case = flown("channel"), prepared("channel")
-    affected = np.flatnonzero(np.any(case.sky.tracked[12:], axis=0) & (case.sky.elevation[12] == np.max(
-        np.where(case.sky.tracked[12], case.sky.elevation[12], -9.0))))  # fmt: skip
+    block, case = flown("channel"), prepared_case("channel")
+    affected = np.flatnonzero(np.any(case.sky.is_tracked[12:], axis=0) & (case.sky.elevation[12] == np.max(
+        np.where(case.sky.is_tracked[12], case.sky.elevation[12], -9.0))))  # fmt: skip
     _, at = np.unique(block.decisions[:, 0], return_index=True)
     named = [case.channel_names[int(c)].split()[0] for c in block.decisions[at, 3]]
     assert named.count(case.sky.names[int(affected[0])]) >= 0.95 * RUNS
@@ -86,13 +86,13 @@ def test_a_filter_without_the_tests_keeps_the_error():
 @pytest.mark.slow  # the kernel of one run by itself
 @pytest.mark.parametrize("name", ["channel", "inertial"])
 def test_one_run_decides_as_it_does_among_eight(name):
-    one = run_block(prepared(name), 3, 0, 2, lanes=False)
+    one = run_block(prepared_case(name), 3, 0, 2, uses_lanes=False)
     np.testing.assert_array_equal(one.decisions, flown(name).decisions[flown(name).decisions[:, 0] < 2])
 
 
 @pytest.mark.parametrize("name", ["channel", "clock"])
 def test_linear_covariance_decides_on_the_mean_and_agrees(name):
-    block, history = flown(name), covariance(prepared(name))
+    block, history = flown(name), covariance(prepared_case(name))
     at = [int(np.argmin(np.abs(block.t - t))) for t in (11.0, 13.0, 16.0, 20.0)]
     size = history.true_sigma[at, 3:9]
     off = np.abs(block.err[:, at, 3:9].mean(axis=0) - history.mean[at, 3:9])
@@ -103,7 +103,7 @@ def test_linear_covariance_decides_on_the_mean_and_agrees(name):
 
 @pytest.mark.parametrize("name", ["none", "channel", "clock", "inertial"])
 def test_linear_covariance_logs_what_most_runs_decide(name):
-    found, (_, t, kind) = covariance(prepared(name)).decisions, first_decisions(flown(name))
+    found, (_, t, kind) = covariance(prepared_case(name)).decisions, first_decisions(flown(name))
     assert len(found) == 0 if name == "none" else len(found) > 0
     if len(found):
         assert found[0, 1] == np.median(t)
@@ -126,8 +126,8 @@ def late_errors(block, states):
 
 
 def test_satellites_that_have_failed_do_not_return_into_the_fit_of_the_sound_ones():
-    sky = prepared("none").sky
-    names = [sky.names[int(k)] for k in np.flatnonzero(sky.tracked[12])[:2]]
+    sky = prepared_case("none").sky
+    names = [sky.names[int(k)] for k in np.flatnonzero(sky.is_tracked[12])[:2]]
     ramps = [{"kind": "range_bias", "drift": rate, "satellites": [name]}
              for name, rate in zip(names, ("4 m/s", "-6 m/s"), strict=True)]  # fmt: skip
     case = held(ramps)

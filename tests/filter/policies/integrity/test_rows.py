@@ -9,17 +9,17 @@ import pytest
 
 from lvnav_trade.filter.policies.integrity.assess import _test_rows
 from lvnav_trade.filter.policies.integrity.state import new_monitor
-from lvnav_trade.filter.policies.policy_cards import IntegrityCard, thresholds_of
+from lvnav_trade.filter.policies.policy_cards import IntegrityCard, build_fault_tests
 from lvnav_trade.filter.updates import noise_variance
 
 
 class Work(NamedTuple):
     x: np.ndarray
-    reported: np.ndarray
+    reported_covariance: np.ndarray
 
 
 class Points(NamedTuple):
-    spread: np.ndarray
+    residual_variance: np.ndarray
 
 
 class Gains(NamedTuple):
@@ -28,28 +28,28 @@ class Gains(NamedTuple):
 
 class Signals(NamedTuple):
     variance: np.ndarray
-    used: np.ndarray
+    satellite_by_slot: np.ndarray
 
 
 class Model(NamedTuple):
-    every: int
+    decimation: int
     tight: bool
-    n_kind: int
-    measured: np.ndarray
+    n_observable: int
+    is_processed: np.ndarray
     n_entry: np.ndarray
     entry: np.ndarray
     column: np.ndarray
 
 
 class Whitening(NamedTuple):
-    has_covariance: bool
+    has_reported_covariance: bool
     n_receiver: int = 2
 
 
 class Options(NamedTuple):
     gains: Any = None
-    integrity: Any = None
-    delayed: Any = None
+    fault_tests: Any = None
+    differences: Any = None
 
 
 class Case(NamedTuple):
@@ -80,9 +80,9 @@ def test_a_row_has_the_variance_that_its_update_assumes(sigma_points, gains, whi
 def test_a_window_is_of_the_epochs_at_which_the_filter_measures():
     model = Model(2, False, 1, np.ones(2, dtype=np.bool_), np.ones(2, dtype=np.int64), np.zeros((2, 1), dtype=np.int64),
                   np.zeros((2, 1), dtype=np.int64))  # fmt: skip
-    own, tests = new_monitor(20, 2, 2, 4), thresholds_of(IntegrityCard(window=4), 10, 5, 2.0)
+    own, tests = new_monitor(20, 2, 2, 4), build_fault_tests(IntegrityCard(window=4), 10, 5, 2.0)
     own.variance[...], own.z[:] = 3.0, [2.0, 4.0]
-    case = Case(model, SIGNALS, Options(integrity=tests))
+    case = Case(model, SIGNALS, Options(fault_tests=tests))
     for epoch in range(1, 20, 2):
         _test_rows(own, np.eye(1), np.ones((2, 1)), case, epoch, 2)
     np.testing.assert_allclose(own.recent_squares, np.outer([1.0, 4.0], np.ones(4)))

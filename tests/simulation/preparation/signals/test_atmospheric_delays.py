@@ -59,8 +59,8 @@ def flown(*settings, corrections="none"):
 
 @pytest.mark.parametrize("settings", [(), (LOOSE,)], ids=["tight", "loose"])
 def test_what_is_not_corrected_is_the_same_mean_error_in_both_engines(settings):
-    prepared = flown(*settings)
-    history, block = covariance(prepared), run_block(prepared, 5, 0, 200)
+    prepared_case = flown(*settings)
+    history, block = covariance(prepared_case), run_block(prepared_case, 5, 0, 200)
     size = history.true_sigma[-1, :9]
     assert np.abs(history.mean[-1, 6:9]).max() > 1.0  # metres of air low in the sky
     off = np.abs(block.err[:, -1, :9].mean(axis=0) - history.mean[-1, :9])

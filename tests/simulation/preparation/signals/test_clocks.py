@@ -20,7 +20,7 @@ NAVIGATION = slice(0, 9)
 
 
 @lru_cache(maxsize=16)
-def prepared(clock="two_state", *changes):
+def prepared_case(clock="two_state", *changes):
     fields = {name: dict(value) if isinstance(value, tuple) else value for name, value in changes}
     return prepare_hop(with_fields(loaded(MATCHED), **{"filter.clock": clock} | fields))
 
@@ -35,24 +35,24 @@ def unbounded():
 
 
 def test_differences_are_a_clock_of_unbounded_noise_and_whichever_satellite_is_the_reference():
-    differenced = prepared("differenced")
-    limit = prepared("two_state", ("filter.receiver", tuple(unbounded().items())))
+    differenced = prepared_case("differenced")
+    limit = prepared_case("two_state", ("filter.receiver", tuple(unbounded().items())))
     one, other = covariance(differenced), covariance(limit)
-    for field in ("formal", "true_sigma"):
+    for field in ("formal_sigma", "true_sigma"):
         a, b = (getattr(history, field)[1:, NAVIGATION] for history in (one, other))
         np.testing.assert_allclose(a, b, rtol=1e-6)
     runs = [run_block(case, 3, 0, 8).err[:, :, NAVIGATION] for case in (differenced, limit)]
     assert np.all(np.abs(runs[0] - runs[1]) <= 1e-5 * one.true_sigma[None, :, NAVIGATION])
-    use = differenced.signals.used[0, : differenced.signals.n_used[0]]
+    use = differenced.signals.satellite_by_slot[0, : differenced.signals.n_used[0]]
     lowest = use[np.argmin(differenced.sky.elevation[0, use])]
     assert np.all(use[differenced.signals.reference[0]] != lowest)
-    named = covariance(prepared("differenced", ("filter.reference_satellite", differenced.sky.names[lowest])))
-    np.testing.assert_allclose(named.formal[:, NAVIGATION], one.formal[:, NAVIGATION], rtol=1e-7)
+    named = covariance(prepared_case("differenced", ("filter.reference_satellite", differenced.sky.names[lowest])))
+    np.testing.assert_allclose(named.formal_sigma[:, NAVIGATION], one.formal_sigma[:, NAVIGATION], rtol=1e-7)
 
 
 def test_differences_cost_what_the_clock_knew():
-    modelled, differenced = covariance(prepared()), covariance(prepared("differenced"))
-    ratio = differenced.formal[-1, NAVIGATION] / modelled.formal[-1, NAVIGATION]
+    modelled, differenced = covariance(prepared_case()), covariance(prepared_case("differenced"))
+    ratio = differenced.formal_sigma[-1, NAVIGATION] / modelled.formal_sigma[-1, NAVIGATION]
     assert np.all(ratio > 1.0 - 1e-9)
     # drift and vertical velocity are alike in range rates from above: 1.8 times the sigma after 30 s
     assert 1.5 < ratio[5] < 2.1
@@ -77,7 +77,7 @@ def agree(case, rounding=1e-8):
 
 
 def test_both_engines_difference():
-    agree(prepared("differenced"))
+    agree(prepared_case("differenced"))
 
 
 RANGES = ("filter.measurements", ("pseudorange",))
@@ -94,7 +94,7 @@ def of_ranges(clock, oscillator):
 
 def test_a_clock_without_drift_has_one_state():
     two, one = (covariance(of_ranges(clock, STILL)) for clock in ("two_state", "one_state"))
-    np.testing.assert_allclose(one.formal[:, NAVIGATION], two.formal[:, NAVIGATION], rtol=1e-9)
+    np.testing.assert_allclose(one.formal_sigma[:, NAVIGATION], two.formal_sigma[:, NAVIGATION], rtol=1e-9)
     np.testing.assert_allclose(one.true_sigma[:, NAVIGATION], two.true_sigma[:, NAVIGATION], rtol=1e-9)
 
 
@@ -103,7 +103,7 @@ def test_one_state_takes_the_drift_for_white_noise_in_both_engines():
     layout = case.layout
     assert layout.clock + 1 == layout.n_estimated == layout.n_state - 1
     history = agree(case)
-    assert np.all(history.formal[:, layout.clock + 1] == 0.0)
+    assert np.all(history.formal_sigma[:, layout.clock + 1] == 0.0)
     # a drift of 2 m/s and more is in the noise of the bias: formal sigma covers what is true
     assert np.all(history.expected_nees[5:] < 1.05 * layout.n_estimated)
     two = covariance(of_ranges("two_state", CLOCK))
@@ -129,10 +129,10 @@ def test_both_engines_difference_every_observable_of_a_satellite(measurements):
     assert np.all(np.delete(taken, kinds, axis=1) == -1)
     history = agree(case, rounding=1e-4)
     assert np.all(history.n_row[1:] == 2 * (case.signals.n_used[1:] - 1))
-    use = case.signals.used[0, : case.signals.n_used[0]]
+    use = case.signals.satellite_by_slot[0, : case.signals.n_used[0]]
     lowest = case.sky.names[use[np.argmin(case.sky.elevation[0, use])]]
     named = covariance(of_differences("differenced", measurements, ("filter.reference_satellite", lowest)))
-    np.testing.assert_allclose(named.formal[:, NAVIGATION], history.formal[:, NAVIGATION], rtol=1e-6)
+    np.testing.assert_allclose(named.formal_sigma[:, NAVIGATION], history.formal_sigma[:, NAVIGATION], rtol=1e-6)
 
 
 @pytest.mark.parametrize("measurements", [["tdcp"], ["delta_pseudorange"], ["carrier_phase"]])
@@ -142,7 +142,7 @@ def test_what_the_filter_assumes_of_the_clock_is_nothing_to_differences(measurem
     wild |= {"clock_h0": 1e-6 * wild["clock_h0"], "clock_h_minus2": 1e-6 * wild["clock_h_minus2"]}
     loose = of_differences("differenced", measurements, ("filter.receiver", wild))
     one, other = covariance(assumed), covariance(loose)
-    np.testing.assert_allclose(other.formal[:, NAVIGATION], one.formal[:, NAVIGATION], rtol=1e-5)
+    np.testing.assert_allclose(other.formal_sigma[:, NAVIGATION], one.formal_sigma[:, NAVIGATION], rtol=1e-5)
     np.testing.assert_allclose(other.true_sigma[:, NAVIGATION], one.true_sigma[:, NAVIGATION], rtol=1e-5)
 
 
@@ -161,7 +161,7 @@ def test_a_difference_is_not_referred_to_a_satellite_that_has_none():
     apart = 0
     for epoch in range(1, len(signals.n_used)):
         slot = signals.reference[epoch, kind]
-        assert case.options.delayed.present[epoch, len(kinds) * signals.used[epoch, slot] + kind]
+        assert case.options.differences.is_present[epoch, len(kinds) * signals.satellite_by_slot[epoch, slot] + kind]
         apart += slot != signals.reference[epoch, first]
     assert apart > 0
 
@@ -170,14 +170,14 @@ def test_one_state_stands_before_the_clones_and_its_drift_stays_zero():
     case = of_differences("one_state", ["pseudorange", "tdcp"], CLOCK)
     layout = case.layout
     assert layout.has_reduced_clock
-    assert layout.delayed == layout.clock + 2 == layout.n_estimated + 1
+    assert layout.earlier_epoch == layout.clock + 2 == layout.n_estimated + 1
     assert case.model.n_estimated == layout.n_state
     history = agree(case)
-    assert np.all(history.formal[:, layout.clock + 1] == 0.0)
+    assert np.all(history.formal_sigma[:, layout.clock + 1] == 0.0)
 
 
 def test_what_makes_no_sense_is_refused():
     with pytest.raises(ValidationError, match="one_state models the drift as white noise"):
         with_fields(loaded(MATCHED).filter, clock="one_state")
     with pytest.raises(InputError, match="'G99' is not in the constellation"):
-        prepared("differenced", ("filter.reference_satellite", "G99"))
+        prepared_case("differenced", ("filter.reference_satellite", "G99"))

@@ -30,7 +30,7 @@ def case(true: str, modelled: str = "0 s", *settings: str):
 def lag(true: str, modelled: str = "0 s"):
     """Return epochs and what range rates differ by from instantaneous ones, of satellites in use."""
     found, plain = case(true, modelled), case("0 s")
-    used = np.unique(plain.signals.used[plain.signals.used >= 0])
+    used = np.unique(plain.signals.satellite_by_slot[plain.signals.satellite_by_slot >= 0])
     np.testing.assert_array_equal(found.signals.range, plain.signals.range)
     return plain.sky.t, (found.signals.rate - plain.signals.rate)[:, used], used
 
@@ -38,7 +38,7 @@ def lag(true: str, modelled: str = "0 s"):
 def test_a_mean_lags_by_half_the_interval_times_the_acceleration():
     t, found, used = lag("20 ms")
     signals = case("0 s").signals
-    line = signals.satellite[:, used] - signals.position[:, None]
+    line = signals.satellite_position[:, used] - signals.position[:, None]
     along = (
         -(line / np.linalg.norm(line, axis=-1, keepdims=True) @ UP) * PUSH
     )  # of thrust; the rest, 9 m/s^2, is of falling

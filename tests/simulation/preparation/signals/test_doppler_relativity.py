@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from lvnav_trade.covariance.history import covariance
-from lvnav_trade.gnss.broadcast import broadcast
-from lvnav_trade.gnss.precise import precise, read_positions
+from lvnav_trade.gnss.broadcast import broadcast_ephemerides
+from lvnav_trade.gnss.precise import precise_ephemerides, read_positions
 from lvnav_trade.gnss.rinex import read_navigation
-from lvnav_trade.gnss.satellites import nearest
+from lvnav_trade.gnss.satellites import nearest_records
 from lvnav_trade.kernels.clock import SPEED_OF_LIGHT
 from lvnav_trade.kernels.earth import GM, OMEGA
 from lvnav_trade.quantities.errors import InputError
@@ -34,7 +34,7 @@ def hop(true: bool, corrected: bool, *settings: str):
 def added(true: bool, corrected: bool):
     """Return what ranges and range rates of a case have beyond those without any term, of satellites in use."""
     case, plain = hop(true, corrected), hop(False, False)
-    used = np.unique(plain.signals.used[plain.signals.used >= 0])
+    used = np.unique(plain.signals.satellite_by_slot[plain.signals.satellite_by_slot >= 0])
     return [(getattr(case.signals, name) - getattr(plain.signals, name))[:, used] for name in ("range", "rate")], used
 
 
@@ -68,10 +68,13 @@ def test_position_and_velocity_give_the_term_of_the_elements():
 def test_the_correction_agrees_with_broadcast_elements_on_precise_orbits(refdata):
     """Eq. 3.16 on positions and velocities of IGS final orbits, against F e sqrt(A) sin E of the broadcast."""
     time = gps_time(2010, 7, 1, 12, 0, 0)
-    records = nearest(read_navigation(refdata / "gnss/rinex2/brdc1820.10n").ephemerides, time)
+    records = nearest_records(read_navigation(refdata / "gnss/rinex2/brdc1820.10n").ephemerides, time)
     file = read_positions(refdata / "gnss/sp3/igs15904.sp3")
     names = sorted(set(records) & set(file.r_e))
-    above, final = broadcast([records[name] for name in names], time), precise([file], names, time)
+    above, final = (
+        broadcast_ephemerides([records[name] for name in names], time),
+        precise_ephemerides([file], names, time),
+    )
     t = np.linspace(-1800.0, 1800.0, 7)[:, None]
     r, v = final.ecef(t)
     term = clock_term(r, v + OMEGA * np.stack([-r[..., 1], r[..., 0], 0.0 * r[..., 0]], axis=-1))

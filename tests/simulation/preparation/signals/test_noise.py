@@ -9,7 +9,7 @@ import pytest
 from scipy.stats import chi2
 
 from lvnav_trade.covariance.history import covariance
-from lvnav_trade.covariance.selfcheck.measured import of_measurements
+from lvnav_trade.covariance.selfcheck.measured import measurement_checks
 from lvnav_trade.gnss.reception import dynamics_at
 from lvnav_trade.quantities.shared_cards import noise_factor
 from lvnav_trade.scenario.filter_models import filter_models
@@ -37,20 +37,20 @@ def changes(*names):
     return [every[name] for name in names]
 
 
-def own(prepared, **fields):
+def own(prepared_case, **fields):
     """The scenario of a flight whose filter assumes of the receiver what is true, but for these fields."""
-    _, model, _ = filter_models(prepared.scenario)
+    _, model, _ = filter_models(prepared_case.scenario)
     units = {"pseudorange_sigma": " m", "position_sigma": " m", "range_rate_sigma": " m/s", "velocity_sigma": " m/s"}
     text = {name: f"{getattr(model, name)}{unit}" for name, unit in units.items()}
     text |= {name: getattr(model, name) for name in ("clock_h0", "clock_h_minus2")}
-    return prepare_hop(with_fields(prepared.scenario, **{"filter.receiver": text | fields}))
+    return prepare_hop(with_fields(prepared_case.scenario, **{"filter.receiver": text | fields}))
 
 
 @pytest.mark.parametrize("coupling", ["tight", "loose"])
 def test_both_engines_have_the_noise_of_the_schedule(coupling):
-    prepared = flown(coupling, "grown")
-    history, block = covariance(prepared), run_block(prepared, 5, 0, RUNS)
-    at = [int(np.argmin(np.abs(prepared.t_hist - t))) for t in (5.0, 12.0, 20.0, 30.0)]
+    prepared_case = flown(coupling, "grown")
+    history, block = covariance(prepared_case), run_block(prepared_case, 5, 0, RUNS)
+    at = [int(np.argmin(np.abs(prepared_case.t_hist - t))) for t in (5.0, 12.0, 20.0, 30.0)]
     ratio = np.mean(block.err[:, at] ** 2, axis=0) / (history.true_sigma[at] ** 2 + history.mean[at] ** 2)
     tail = ALPHA / 2 / ratio.size
     low, high = chi2.ppf([tail, 1.0 - tail], RUNS) / RUNS
@@ -78,21 +78,21 @@ def test_a_matched_filter_has_the_schedule_and_one_with_numbers_of_its_own_only_
 
 @pytest.mark.parametrize("coupling", ["tight", "loose"])
 def test_the_self_check_expects_the_noise_of_the_schedule(coupling):
-    assert failed(of_measurements(flown(coupling, "grown"), 20261121)) == []
+    assert failed(measurement_checks(flown(coupling, "grown"), 20261121)) == []
 
 
 def test_a_conservative_schedule_of_the_filter_alone_covers_more_than_is_true():
     plain = flown("tight")
     conservative = covariance(own(plain, noise_by=GROWN))
-    assert np.all(conservative.formal[-1, 6:9] > 1.02 * conservative.true_sigma[-1, 6:9])
+    assert np.all(conservative.formal_sigma[-1, 6:9] > 1.02 * conservative.true_sigma[-1, 6:9])
     matched = covariance(plain)
-    np.testing.assert_allclose(matched.formal[-1, 6:9], matched.true_sigma[-1, 6:9], rtol=1e-2)
+    np.testing.assert_allclose(matched.formal_sigma[-1, 6:9], matched.true_sigma[-1, 6:9], rtol=1e-2)
 
 
 def test_two_frequencies_remove_the_ionosphere_and_amplify_noise_and_multipath():
     one, two, none = flown("tight", "shell", "multipath"), flown("tight", "shell", "two", "multipath"), flown("tight")
-    assert np.abs(one.delays.ionosphere).max() > 1.0
-    assert not np.any(two.delays.ionosphere)
+    assert np.abs(one.atmospheric_delays.ionosphere).max() > 1.0
+    assert not np.any(two.atmospheric_delays.ionosphere)
     np.testing.assert_array_equal(two.signals.range, none.signals.range)
     ratio = two.signals.sigma / one.signals.sigma
     np.testing.assert_allclose(ratio, np.full(ratio.shape, 2.978), atol=5e-4)

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from lvnav_trade.simulation.preparation.signals.phases_and_differences import linked, wavelength
+from lvnav_trade.simulation.preparation.signals.phases_and_differences import phase_continuity, wavelength
 from tests.building import loaded
 
 N = 6
@@ -17,14 +17,14 @@ def sky(breaks=()):
     """One satellite, whose carrier was interrupted before some epochs."""
     continuous = np.ones((N, 1), bool)
     continuous[[0, *breaks]] = False
-    return SimpleNamespace(tracked=np.ones((N, 1), bool), continuous=continuous)
+    return SimpleNamespace(is_tracked=np.ones((N, 1), bool), continuous=continuous)
 
 
 def signals(used=range(N), frozen=()):
     """Epochs at which it is used, and at which the output stands still."""
     n_used, still = np.zeros(N, dtype=int), np.zeros(N, bool)
     n_used[list(used)], still[list(frozen)] = 1, True
-    return SimpleNamespace(used=np.zeros((N, 1), dtype=int), n_used=n_used, frozen=still)
+    return SimpleNamespace(satellite_by_slot=np.zeros((N, 1), dtype=int), n_used=n_used, is_frozen=still)
 
 
 def epochs(*masks):
@@ -47,7 +47,7 @@ def epochs(*masks):
     ids=["always", "interrupted", "away", "interrupted while away", "frozen", "interrupted while frozen"],
 )
 def test_a_difference_needs_both_epochs_and_a_phase_that_went_on(seen, taken, restart, before, going_on):
-    assert epochs(*linked(seen, taken)) == [restart, before, going_on]
+    assert epochs(*phase_continuity(seen, taken)) == [restart, before, going_on]
 
 
 def test_the_carrier_is_l1_unless_a_link_says_otherwise():

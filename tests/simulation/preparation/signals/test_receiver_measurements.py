@@ -12,7 +12,7 @@ from lvnav_trade.gnss.constellation import RinexConstellation
 from lvnav_trade.gnss.fault_cards import DegradedNoise
 from lvnav_trade.simulation.montecarlo import run_block
 from lvnav_trade.simulation.preparation.signals.lines_of_sight import lines_of
-from lvnav_trade.simulation.preparation.signals.receiver_measurements import _shifts
+from lvnav_trade.simulation.preparation.signals.receiver_measurements import _solution_shifts
 from tests.building import LOOSE, MATCHED, case, hop, loaded, prepare_hop, with_fields
 
 T = np.array([3.0, 12.0, 25.0])
@@ -30,33 +30,33 @@ def with_patches(*settings):
 
 
 def test_the_filter_knows_which_antenna_it_was():
-    prepared = prepare_hop(with_patches())
-    assert prepared.model.lever_arms.shape == (2, 3)
-    np.testing.assert_array_equal(prepared.signals.antenna, prepared.sky.antenna)
+    prepared_case = prepare_hop(with_patches())
+    assert prepared_case.model.lever_arms.shape == (2, 3)
+    np.testing.assert_array_equal(prepared_case.signals.antenna, prepared_case.sky.antenna)
     loose = prepare_hop(with_patches(LOOSE))
     assert loose.model.lever_arms.shape == (1, 3)
 
 
 def test_a_common_error_of_all_ranges_is_the_clocks_and_moves_no_solution():
-    prepared = case(MATCHED, LOOSE)
-    line = lines_of(hop(), np.zeros(3), prepared.sky)
-    shift = _shifts(line, prepared.sky.tracked, np.full(prepared.sky.tracked.shape, 30.0))
+    prepared_case = case(MATCHED, LOOSE)
+    line = lines_of(hop(), np.zeros(3), prepared_case.sky)
+    shift = _solution_shifts(line, prepared_case.sky.is_tracked, np.full(prepared_case.sky.is_tracked.shape, 30.0))
     np.testing.assert_allclose(shift, 0.0, atol=1e-9)
 
 
 def test_an_error_along_the_lines_of_sight_moves_the_solution_by_itself():
-    prepared = case(MATCHED, LOOSE)
-    line, wanted = lines_of(hop(), np.zeros(3), prepared.sky), np.array([3.0, -5.0, 2.0])
-    shift = _shifts(line, prepared.sky.tracked, -line.sight.direction @ wanted)
+    prepared_case = case(MATCHED, LOOSE)
+    line, wanted = lines_of(hop(), np.zeros(3), prepared_case.sky), np.array([3.0, -5.0, 2.0])
+    shift = _solution_shifts(line, prepared_case.sky.is_tracked, -line.sight.direction @ wanted)
     np.testing.assert_allclose(shift, np.tile(wanted, (len(shift), 1)), atol=1e-9)
 
 
 def test_latency_that_grows_with_satellites_makes_the_measurement_older():
     scenario = loaded(MATCHED)
     receiver = with_fields(scenario.receiver, latency="20 ms", latency_per_satellite="5 ms")
-    prepared = prepare_hop(scenario.model_copy(update={"receiver": receiver}))
-    age = prepared.t_epoch - prepared.sky.t
-    np.testing.assert_allclose(age, 0.02 + 0.005 * case(MATCHED).sky.tracked.sum(axis=1), atol=1e-9)
+    prepared_case = prepare_hop(scenario.model_copy(update={"receiver": receiver}))
+    age = prepared_case.t_epoch - prepared_case.sky.t
+    np.testing.assert_allclose(age, 0.02 + 0.005 * case(MATCHED).sky.is_tracked.sum(axis=1), atol=1e-9)
 
 
 def test_the_variances_of_rows_are_the_squares_of_the_assumed_sigmas():
@@ -86,26 +86,26 @@ def test_an_ignored_offset_of_a_systems_time_is_in_every_range_of_it_and_in_the_
     """A filter that estimates the offset finds it; linear covariance has the same mean as the runs."""
     path = refdata / "gnss/rinex3/VILL00ESP_R_20181700000_01D_MN.rnx.gz"
     flown = replace(hop(), epoch="2018-06-19T12:00:00Z")
-    prepared = []
+    prepared_case = []
     for what in ("applied", "ignored"):
         scenario = loaded(MATCHED)
         card = RinexConstellation(rinex=str(path), systems=["GPS", "Galileo"], time_correction=what)
-        prepared.append(prepare_hop(scenario.model_copy(update={"constellation": card}), flown))
-    applied, ignored = (one.signals for one in prepared)
-    galileo = np.array(prepared[0].sky.systems) == "E"
+        prepared_case.append(prepare_hop(scenario.model_copy(update={"constellation": card}), flown))
+    applied, ignored = (one.signals for one in prepared_case)
+    galileo = np.array(prepared_case[0].sky.systems) == "E"
     off = ignored.range - applied.range
-    assert np.count_nonzero(prepared[1].sky.tracked[:, galileo]) > 0
+    assert np.count_nonzero(prepared_case[1].sky.is_tracked[:, galileo]) > 0
     np.testing.assert_allclose(off[:, galileo], -6.825, atol=2e-3)
     np.testing.assert_array_equal(off[:, ~galileo], 0.0)
-    runs = [run_block(one, 7, 0, 8).err.mean(axis=0)[:, 6:9] for one in prepared]
-    means = [covariance(one).mean[:, 6:9] for one in prepared]
+    runs = [run_block(one, 7, 0, 8).err.mean(axis=0)[:, 6:9] for one in prepared_case]
+    means = [covariance(one).mean[:, 6:9] for one in prepared_case]
     moved = np.linalg.norm(means[1][-1])
     assert moved > 0.5
     np.testing.assert_allclose(runs[1] - runs[0], means[1] - means[0], atol=5e-3 * moved)
 
 
 def test_slots_hold_the_tracked_satellites_and_nothing_else():
-    prepared = case()
-    for epoch, slots in enumerate(prepared.signals.used):
-        used = slots[: prepared.signals.n_used[epoch]]
-        np.testing.assert_array_equal(np.sort(used), np.flatnonzero(prepared.sky.tracked[epoch]))
+    prepared_case = case()
+    for epoch, slots in enumerate(prepared_case.signals.satellite_by_slot):
+        used = slots[: prepared_case.signals.n_used[epoch]]
+        np.testing.assert_array_equal(np.sort(used), np.flatnonzero(prepared_case.sky.is_tracked[epoch]))

@@ -10,11 +10,11 @@ from scipy.stats import chi2
 
 from lvnav_trade.covariance.history import adjoint, covariance
 from lvnav_trade.covariance.sources import source_names
-from lvnav_trade.gnss.recorded_errors import ErrorTable, in_frame_i, sampled
+from lvnav_trade.gnss.recorded_errors import ErrorTable, inertial_errors, sample_errors
 from lvnav_trade.quantities.frames import earth_angle
 from lvnav_trade.scenario.scenario import Scenario
 from lvnav_trade.simulation.montecarlo import run_block
-from lvnav_trade.simulation.preparation.signals.recorded_solution import SOURCE, start_of
+from lvnav_trade.simulation.preparation.signals.recorded_solution import SOURCE, recording_start
 from lvnav_trade.trajectory.flight import motion
 from tests.building import LOOSE, MATCHED, hop, loaded, prepare_hop, with_fields
 
@@ -71,53 +71,53 @@ IMU_MODEL = {
 }  # fmt: skip
 
 
-def every_start(prepared):
+def every_start(prepared_case):
     """The errors (n_start, n_epoch, 6) of each start, frame i, from the rows themselves."""
-    card = prepared.scenario.receiver.solution.error_table
+    card = prepared_case.scenario.receiver.solution.error_table
     assert isinstance(card, ErrorTable)
-    r_i = motion(hop(), prepared.sky.t).r_i  # the lever arm is zero
-    theta = earth_angle(prepared.trajectory.theta0, prepared.sky.t)
-    return in_frame_i(sampled(card, prepared.sky.t), card.frame, r_i, theta)
+    r_i = motion(hop(), prepared_case.sky.t).r_i  # the lever arm is zero
+    theta = earth_angle(prepared_case.trajectory.theta0, prepared_case.sky.t)
+    return inertial_errors(sample_errors(card, prepared_case.sky.t), card.frame, r_i, theta)
 
 
 def test_mean_and_components_make_every_start_again(file):
-    prepared = recorded_case(file, starts=9)
-    found, n_start = prepared.recorded, 9
+    prepared_case = recorded_case(file, starts=9)
+    found, n_start = prepared_case.recorded_errors, 9
     assert len(found.errors) == n_start - 1
     shapes = np.array([family.partial for family in found.errors])
     again = found.mean + np.einsum("mec,ms->sec", shapes, found.values)
-    np.testing.assert_allclose(again, every_start(prepared), atol=1e-9)
+    np.testing.assert_allclose(again, every_start(prepared_case), atol=1e-9)
     np.testing.assert_allclose(found.values.mean(axis=1), 0.0, atol=1e-9)
     np.testing.assert_allclose(found.values @ found.values.T / n_start, np.eye(n_start - 1), atol=1e-9)
 
 
 def test_one_start_is_a_mean_and_no_source(file):
-    prepared = recorded_case(file)
-    assert prepared.recorded.errors == ()
-    assert SOURCE not in source_names(prepared)
-    np.testing.assert_allclose(prepared.recorded.mean, every_start(prepared)[0], atol=1e-12)
+    prepared_case = recorded_case(file)
+    assert prepared_case.recorded_errors.errors == ()
+    assert SOURCE not in source_names(prepared_case)
+    np.testing.assert_allclose(prepared_case.recorded_errors.mean, every_start(prepared_case)[0], atol=1e-12)
 
 
 def test_a_tight_filter_sees_nothing_of_a_solution(file):
     scenario = loaded(MATCHED)
     receiver = with_fields(scenario.receiver, **{"solution.error_table": {**TABLE, "file": file, "starts": 4}})
-    prepared = prepare_hop(scenario.model_copy(update={"receiver": receiver}))
-    assert prepared.recorded.errors == ()
-    assert np.all(prepared.recorded.mean == 0.0)
+    prepared_case = prepare_hop(scenario.model_copy(update={"receiver": receiver}))
+    assert prepared_case.recorded_errors.errors == ()
+    assert np.all(prepared_case.recorded_errors.mean == 0.0)
 
 
 def test_starts_are_drawn_evenly_by_run_and_seed_alone():
-    drawn = np.array([start_of(SEED, run, 10) for run in range(2000)])
+    drawn = np.array([recording_start(SEED, run, 10) for run in range(2000)])
     counts = np.bincount(drawn, minlength=10)
     assert counts.size == 10
     assert np.sum((counts - 200.0) ** 2 / 200.0) < chi2.ppf(0.999, 9)
-    assert [start_of(SEED, run, 10) for run in (5, 3)] == [drawn[5], drawn[3]]
-    assert not np.array_equal(drawn[:50], [start_of(SEED + 1, run, 10) for run in range(50)])
+    assert [recording_start(SEED, run, 10) for run in (5, 3)] == [drawn[5], drawn[3]]
+    assert not np.array_equal(drawn[:50], [recording_start(SEED + 1, run, 10) for run in range(50)])
 
 
 def test_the_same_errors_in_every_run_are_the_mean_of_linear_covariance(file):
-    prepared = recorded_case(file)
-    runs, history = run_block(prepared, SEED, 0, 8), covariance(prepared)
+    prepared_case = recorded_case(file)
+    runs, history = run_block(prepared_case, SEED, 0, 8), covariance(prepared_case)
     assert np.max(np.ptp(runs.err[:, :, 6:9], axis=0)) < 1e-4  # white noise of a micrometre is left
     size = np.linalg.norm(history.mean[-1, 6:9])
     assert size > 1.0
@@ -127,30 +127,30 @@ def test_the_same_errors_in_every_run_are_the_mean_of_linear_covariance(file):
 def test_errors_begun_anywhere_have_the_covariance_that_linear_covariance_gives_their_source(file):
     """Every start is flown, and the average over all starts is the answer: nothing is left to chance."""
     n_start = 6
-    prepared = recorded_case(file, starts=n_start)
-    runs, history = run_block(prepared, SEED, 0, 48), covariance(prepared)
-    drawn = np.array([start_of(SEED, run, n_start) for run in range(48)])
+    prepared_case = recorded_case(file, starts=n_start)
+    runs, history = run_block(prepared_case, SEED, 0, 48), covariance(prepared_case)
+    drawn = np.array([recording_start(SEED, run, n_start) for run in range(48)])
     assert set(drawn) == set(range(n_start))
     each = np.array([runs.err[drawn == start].mean(axis=0) for start in range(n_start)])
     mean, sigma = each.mean(axis=0), each.std(axis=0)
     np.testing.assert_allclose(mean[:, 6:9], history.mean[:, 6:9], atol=5e-3)
-    late = prepared.t_hist > 3.0
+    late = prepared_case.t_hist > 3.0
     np.testing.assert_allclose(history.true_sigma[late, 3:9], sigma[late, 3:9], rtol=5e-3)
     source = history.budget[-1, history.sources.index(SOURCE), 6:9]
     np.testing.assert_allclose(np.sqrt(source), sigma[-1, 6:9], rtol=5e-3)
 
 
 def test_the_backward_pass_finds_the_same_share(file):
-    prepared = recorded_case(file, starts=6)
-    history, budget = covariance(prepared), adjoint(prepared, float(prepared.t_hist[-1]))
+    prepared_case = recorded_case(file, starts=6)
+    history, budget = covariance(prepared_case), adjoint(prepared_case, float(prepared_case.t_hist[-1]))
     k = history.sources.index(SOURCE)
     forward = history.budget[-1, k, 6:9]
     np.testing.assert_allclose(budget.contribution[6:9, k].sum(axis=1), forward, rtol=1e-6)
 
 
 def test_a_run_alone_flies_what_it_flew_in_its_block_of_eight(file):
-    prepared = recorded_case(file, quiet=False, starts=6)
-    block, alone = run_block(prepared, SEED, 0, 8), run_block(prepared, SEED, 5, 1, lanes=False)
+    prepared_case = recorded_case(file, quiet=False, starts=6)
+    block, alone = run_block(prepared_case, SEED, 0, 8), run_block(prepared_case, SEED, 5, 1, uses_lanes=False)
     np.testing.assert_allclose(alone.err[0], block.err[5], atol=1e-6)
 
 
@@ -159,10 +159,10 @@ def test_a_frozen_output_keeps_its_error(file):
     receiver = with_fields(scenario.receiver, **{"solution.error_table": {**TABLE, "file": file, "starts": 3}})
     fault = {"kind": "frozen_output", "start": "10 s", "duration": "3 s"}
     text = scenario.model_copy(update={"receiver": receiver}).model_dump(mode="json") | {"faults": [fault]}
-    prepared = prepare_hop(Scenario.model_validate(text))
-    held = np.flatnonzero(prepared.signals.frozen)
+    prepared_case = prepare_hop(Scenario.model_validate(text))
+    held = np.flatnonzero(prepared_case.signals.is_frozen)
     assert held.size >= 2
-    shapes = np.array([family.partial for family in prepared.recorded.errors])
+    shapes = np.array([family.partial for family in prepared_case.recorded_errors.errors])
     for epoch in held:
-        np.testing.assert_array_equal(prepared.signals.position[epoch], prepared.signals.position[epoch - 1])
+        np.testing.assert_array_equal(prepared_case.signals.position[epoch], prepared_case.signals.position[epoch - 1])
         np.testing.assert_array_equal(shapes[:, epoch], shapes[:, epoch - 1])

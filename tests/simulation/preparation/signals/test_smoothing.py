@@ -32,7 +32,7 @@ N_STATE = 15
 
 
 @lru_cache(maxsize=8)
-def prepared(smoothing, errors=False, filters="loose", slips=""):
+def prepared_case(smoothing, errors=False, filters="loose", slips=""):
     scenario = loaded(MATCHED, LOOSE if filters == "loose" else f"base.filter=filters/{filters}")
     solution = POINT | ({"smoothing": SMOOTHING | dict(smoothing)} if smoothing is not None else {})
     fields = {"receiver.solution": solution} | (ERRORS if errors else {})
@@ -41,7 +41,7 @@ def prepared(smoothing, errors=False, filters="loose", slips=""):
 
 @lru_cache(maxsize=8)
 def flown(*args):
-    found = prepared(*args)
+    found = prepared_case(*args)
     return found, covariance(found), run_block(found, 11, 0, RUNS)
 
 
@@ -90,15 +90,15 @@ def test_errors_of_the_solution_last_as_long_as_the_window():
 
 
 def test_states_of_the_average_have_the_closed_form_of_the_window():
-    case = prepared((), False)
-    chain, m, P = case.chain, 11, np.zeros((case.chain.move.shape[1],) * 2)
+    case = prepared_case((), False)
+    chain, m, P = case.chain, 11, np.zeros((case.chain.transition.shape[1],) * 2)
     white = case.signals.sigma[0, 0] ** 2 + case.options.solver.smoothing.sigma[0, 0] ** 2
     a = 1.0 / WINDOW
-    for epoch in range(len(chain.move)):
-        W = chain.white[epoch] * (chain.kind != CLOCK)
-        P = chain.move[epoch] @ P @ chain.move[epoch].T + (W * chain.variance[epoch]) @ W.T
+    for epoch in range(len(chain.transition)):
+        W = chain.noise_input[epoch] * (chain.noise_type != CLOCK)
+        P = chain.transition[epoch] @ P @ chain.transition[epoch].T + (W * chain.variance[epoch]) @ W.T
         assert P[m, m] / white == pytest.approx(1.0 / (epoch + 1) if epoch < WINDOW else P[m, m] / white, rel=1e-9)
-    n = len(chain.move) - WINDOW
+    n = len(chain.transition) - WINDOW
     steady = a / (2.0 - a)
     expected = steady + (1.0 / WINDOW - steady) * (1.0 - a) ** (2 * n)
     assert P[m, m] / white == pytest.approx(expected, rel=1e-9)
@@ -137,7 +137,7 @@ def test_an_uncoupled_system_reports_both_solutions_and_fuses_nothing():
 
 def test_noise_of_the_carrier_has_tables_of_its_own():
     grown = {"specific_force": ["0 m/s^2", "20 m/s^2"], "factor": [1.0, 4.0], "of": ["carrier_phase"]}
-    scenario = prepared((("velocity", "centred"),)).scenario
+    scenario = prepared_case((("velocity", "centred"),)).scenario
     plain, more = prepare_hop(scenario), prepare_hop(with_fields(scenario, **{"receiver.noise_by": [grown]}))
     rates = slice(1, 2 * len(plain.sky.names), 2)
     for epoch, factor in ((5, 4.0), (-1, 1.0)):  # under thrust, and without
@@ -150,8 +150,8 @@ def test_noise_of_the_carrier_has_tables_of_its_own():
 
 
 def test_a_slip_that_the_receiver_notices_starts_its_average_again():
-    case = prepared((), True, "loose", "noticed")
-    gain, lost = case.options.solver.smoothing.gain, ~case.sky.continuous & case.sky.tracked
+    case = prepared_case((), True, "loose", "noticed")
+    gain, lost = case.options.solver.smoothing.gain, ~case.sky.continuous & case.sky.is_tracked
     assert 10 < lost[1:].sum() < lost[1:].size / 4
     np.testing.assert_array_equal(gain == 1.0, lost)
 

@@ -11,7 +11,7 @@ from scipy.stats import chi2, norm
 from lvnav_trade.covariance.history import adjoint, covariance
 from lvnav_trade.scenario.scenario import Scenario
 from lvnav_trade.simulation.montecarlo import run_block
-from lvnav_trade.simulation.preparation.signals.solution import RANGE, simulated
+from lvnav_trade.simulation.preparation.signals.solution import RANGE, direct_error_model
 from tests.building import MATCHED, loaded, prepare_hop
 
 POINT = {"kind": "bancroft", "range_sigma": "2 m", "rate_sigma": "0.1 m/s"}
@@ -68,7 +68,7 @@ def test_runs_lie_within_the_interval_of_the_true_sigma_and_about_its_mean(solut
 def test_the_filter_assumes_in_the_runs_what_it_assumes_on_the_nominal_flight(solution, coupling, compensation):
     _, history, runs = flown(solution, coupling, compensation)
     assumed = np.sqrt(np.mean(runs.sigma[:, 5:, :9] ** 2, axis=0))
-    np.testing.assert_allclose(assumed, history.formal[5:, :9], rtol=2e-3)
+    np.testing.assert_allclose(assumed, history.formal_sigma[5:, :9], rtol=2e-3)
     with np.errstate(invalid="ignore"):
         nis = runs.nis.mean(axis=0) / np.maximum(1, history.n_row)
     expected = history.expected_nis / np.maximum(1, history.n_row)
@@ -101,10 +101,10 @@ def test_a_wrong_delay_displaces_by_the_speed_times_what_is_wrong():
 
 def test_a_simulated_solution_has_no_memory_and_its_axes_their_own_noise():
     case, _, _ = flown("direct", "loose", "extrapolated")
-    chain = simulated(case.signals, case.signals.variance)
-    assert not chain.move.any()
-    np.testing.assert_array_equal(chain.white[3], -np.eye(6))
-    np.testing.assert_allclose(chain.reported[3], np.diag([2.2**2] * 3 + [0.11**2] * 3))
-    assert chain.kind.min() > RANGE
+    chain = direct_error_model(case.signals, case.signals.variance)
+    assert not chain.transition.any()
+    np.testing.assert_array_equal(chain.noise_input[3], -np.eye(6))
+    np.testing.assert_allclose(chain.reported_covariance[3], np.diag([2.2**2] * 3 + [0.11**2] * 3))
+    assert chain.noise_type.min() > RANGE
     # in memory as those of a receiver that solves: in another order they would be a kernel of their own
     assert all(array.flags.c_contiguous for array in (*chain, *flown("point", "loose", "")[0].chain))
