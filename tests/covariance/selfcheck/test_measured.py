@@ -25,7 +25,9 @@ def test_draws_of_the_receiver_that_are_not_the_cards_are_found(field, factor, f
     assert found in {what for what, *_ in failed(measurement_checks(wrong, SEED))}
 
 
-@pytest.mark.parametrize(("field", "factor", "found"), [("initial_sigma", 1.5, "variance"), ("decay", 0.8, "correlation")])
+@pytest.mark.parametrize(
+    ("field", "factor", "found"), [("initial_sigma", 1.5, "variance"), ("decay", 0.8, "correlation")]
+)
 def test_errors_that_measurements_share_and_are_not_the_cards_are_found(field, factor, found):
     prepared_case = rich()
     shared = prepared_case.signals.correlated_errors._replace(

@@ -61,10 +61,10 @@ def test_figures_whose_worker_dies_are_drawn_by_this_process(caplog) -> None:
 @pytest.mark.parametrize("name", ["module://matplotlib_inline.backend_inline", "module://none.at_all", "none"])
 def test_figures_need_no_backend_that_a_notebook_names(name: str) -> None:
     """As `!lvnav-trade ...` in a notebook runs it: the variable names a package of another installation."""
-    code = "from lvnav_trade.report.figures.raster import figure_bytes; from lvnav_trade.report.figures.figure import panel\n"
-    code += (
-        "figure, axes = panel(2.0); axes.plot([0.0, 1.0], [1.0, 2.0]); print(figure_bytes(figure, 'png')[1:4].decode())"
-    )
+    code = "from lvnav_trade.report.figures.raster import figure_bytes\n"
+    code += "from lvnav_trade.report.figures.figure import panel\n"
+    code += "figure, axes = panel(2.0); axes.plot([0.0, 1.0], [1.0, 2.0])\n"
+    code += "print(figure_bytes(figure, 'png')[1:4].decode())"
     environment = {**os.environ, "MPLBACKEND": name}
     found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=environment, check=False)
     assert (found.stdout, found.stderr) == ("PNG\n", "")
