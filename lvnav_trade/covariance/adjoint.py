@@ -3,7 +3,8 @@
 For a metric m = l' e at the event, the adjoint lambda = l is propagated backwards through every update and window of
 the forward pass, with the same gains. Noise that entered with vector g and variance q contributes (lambda' g)^2 q to
 the variance of m. Each contribution has a source and a time: the sum over times is the forward error budget, the sum
-over sources shows when the error originated.
+over sources shows when the error originated. The adjoints of clones and of epoch differences are in
+`receiver_error.py` and `difference_errors.py`.
 """
 
 from typing import NamedTuple

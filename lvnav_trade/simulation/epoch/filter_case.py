@@ -59,7 +59,8 @@ OptionalState = namedtuple(
     " previous_epoch previous_observables sigma_points monitor iteration tape",
     defaults=(None, None, None, None, None, None, None, None, None, None, None, None, None, None, None, None),
 )
-"""Arrays of the optional features of a case; None without the feature, so that other kernels are compiled once.
+"""Arrays of the optional features of a case; None without the feature, so that other kernels are compiled once. Their
+settings are in `Options`.
 
 run : (1,). Number of the run; None in linear covariance.
 receiver : filter.receivers.receiver.Receiver. Receiver that computes its solution; in linear covariance the

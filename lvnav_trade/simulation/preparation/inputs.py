@@ -235,8 +235,9 @@ class ReportedSolution(NamedTuple):
 
 
 class Options(NamedTuple):
-    """Optional features of a case; None where the case does not have the feature, which is then not compiled.
+    """Settings of the optional features of a case; None without the feature, which is then not compiled.
 
+    The arrays that a run changes are in `epoch.filter_case.OptionalState`.
     An option is passed to kernels as its own argument: the compiler drops `if option is None` for arguments only.
 
     solver : filter.receivers.receiver.Solver. The receiver computes position and velocity itself.
