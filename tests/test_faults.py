@@ -145,7 +145,9 @@ def test_ten_kills_at_random_moments_and_then_the_same_bytes(whole: Whole, tmp_p
             seen.append(len(stored(folder)))
             assert end(process).code == -signal.SIGKILL
             if (folder / "manifest.json").exists():
-                assert status(folder)["state"] == "unfinished"
+                # a campaign that is killed between its manifest and its end is finished
+                is_whole = len(stored(folder)) == BLOCKS
+                assert status(folder)["state"] in (("unfinished", "finished") if is_whole else ("unfinished",))
         else:  # it came to its end before the moment
             assert end(process).code == 0
     record_property("blocks stored at the kills", seen)
@@ -181,7 +183,7 @@ def test_a_worker_killed_by_the_system_costs_a_block(whole: Whole, tmp_path: Pat
     found = end(process)
     assert found.code == 0
     reported = "a worker process died (out of memory?); its work is done again by 2 workers"
-    assert found.reported.splitlines().count(reported) == 1
+    assert [line.endswith(reported) for line in found.reported.splitlines()].count(True) == 1
     assert digests(folder) == whole.tables
     assert status(folder)["workers_died"] == 1
 
@@ -238,7 +240,7 @@ def test_a_folder_that_may_not_be_written_is_refused_before_anything_runs(copy: 
             pytest.skip("root may write anywhere")
         drop = ["setpriv", "--bounding-set=-dac_override,-dac_read_search"]
     found = end(start(copy, prefix=drop))
-    assert (found.code, found.reported) == (2, f"{copy}: cannot be written: Permission denied\n")
+    assert (found.code, found.reported) == (2, f"{copy}: cannot be locked: Permission denied\n")
     assert status(copy)["state"] == "finished"
     assert digests(copy) == whole.tables
     for path in places:
@@ -277,7 +279,7 @@ def test_a_damaged_table_is_reported_and_made_again_from_the_blocks(copy: Path, 
     assert refused.returncode == 2
     assert refused.stderr.startswith(f"{path}: damaged: ")
     assert refused.stderr.count("\n") == 1
-    assert "runs: 0\n" in assert_resumes(copy, whole).reported
+    assert " runs: " not in assert_resumes(copy, whole).reported  # no run is computed again
 
 
 def test_two_processes_do_not_work_on_one_campaign(whole: Whole, tmp_path: Path) -> None:
@@ -325,7 +327,8 @@ def test_a_diverging_filter_leaves_a_row_per_failed_run_and_the_command_that_fli
     assert set(failed.failure) == {"diverged"}
     assert (failed.t_failed_s > 0).all()
     lines = [line for line in found.said.splitlines() if line.startswith("failed: ")]
-    assert len(lines) == len(failed)
+    assert len(lines) == 11
+    assert lines[-1] == f"failed: {len(failed) - 10} more; all of them: column failure of the table runs, or --json"
     reported = status(folder)
     assert (reported["state"], reported["failed_runs"]) == ("finished", len(failed))
     command = lines[0].partition("; ")[2].split()

@@ -163,7 +163,7 @@ def _campaign_lines(
         verdict_table = verdict_table.assign(by=verdict_table.by.replace("LinCov", "linear covariance"))
         lines.insert(1 if remarks["beyond_limits"] else 0, _verdicts(verdict_table, location))
     if len(failures) > _MOST:
-        lines.append(f"failed: {len(failures) - _MOST} more; all of them: column failed of the table runs, or --json")
+        lines.append(f"failed: {len(failures) - _MOST} more; all of them: column failure of the table runs, or --json")
     if space:
         lines.append(_designs(results, space))
     return lines

@@ -46,7 +46,7 @@ from lvnav_trade.simulation import statistics
 _DEATHS = 3
 COMPILING = (
     "compiling the ascent, the runs, linear covariance and its backward pass, once on this machine; this usually takes "
-    "20 s on two free cores, 30 s on one"
+    "15 s on two free cores, 25 s on one"
 )
 
 
