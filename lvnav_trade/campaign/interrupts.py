@@ -6,7 +6,7 @@ callback from C it is printed and discarded. Therefore the request is also store
 
 import signal
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import FrameType
 from typing import NoReturn
@@ -47,3 +47,11 @@ def raise_if_interrupted(error: BaseException | None = None) -> None:
         cause = cause.__cause__ or cause.__context__
     if is_interrupt or _interrupt_event.is_set():
         raise KeyboardInterrupt from error
+
+
+def attempt(function: Callable[..., object], *arguments: object) -> None:
+    """Call a function and ignore its failure, but not an interrupt; for work that is repeated where it is needed."""
+    try:
+        function(*arguments)
+    except Exception as error:
+        raise_if_interrupted(error)

@@ -7,7 +7,7 @@ import pandas as pd
 
 from lvnav_trade.quantities.state_layout import split_metric
 from lvnav_trade.report.advice import advice
-from lvnav_trade.report.blocks import Block, Details, Text, figure, formatted_table, join_texts, words
+from lvnav_trade.report.blocks import Block, Details, Text, all_cases, figure, formatted_table, join_texts, words
 from lvnav_trade.report.sentences import say
 from lvnav_trade.results.evaluation import METRICS
 from lvnav_trade.results.evaluation.covariances import why_not_applicable
@@ -89,7 +89,7 @@ def _answer(tables: Tables, requirement: dict[str, Any], rows: pd.DataFrame) -> 
             continue
         count = ""
         if len(verdict_rows) == len(rows) > 1:
-            count = f"all {len(rows)} cases: "
+            count = f"{all_cases(len(rows))}: "
         elif len(verdict_rows) > _FEW:
             count = f"{len(verdict_rows)} of {len(rows)} cases: "
         blocks.append(Text(f"{count}{_join_texts(_cases(verdict, verdict_rows))}.", f"{_WORDS[verdict]}:"))

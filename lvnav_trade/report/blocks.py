@@ -279,6 +279,11 @@ def _cell(value: Any) -> str:
     return value if isinstance(value, str) else number(value)
 
 
+def all_cases(count: int) -> str:
+    """Return the name of all cases together, such as "both cases" or "all 6 cases"."""
+    return "both cases" if count == 2 else f"all {count} cases"
+
+
 def combine_equal_cases(frame: pd.DataFrame) -> pd.DataFrame:
     """Return a frame with column `case` in which cases with equal rows are combined under a common name."""
     groups: dict[tuple[tuple[str, ...], ...], list[str]] = {}
@@ -290,7 +295,7 @@ def combine_equal_cases(frame: pd.DataFrame) -> pd.DataFrame:
         return frame
     names = {}
     for cases in groups.values():
-        names[cases[0]] = f"all {len(cases)} cases" if len(groups) == 1 else "; ".join(cases)
+        names[cases[0]] = all_cases(len(cases)) if len(groups) == 1 else "; ".join(cases)
     first = frame[frame.case.isin(list(names))]
     return first.assign(case=first.case.map(names))
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import jinja2
 
-from lvnav_trade.report.blocks import join_first_names, join_texts, number, percent, words
+from lvnav_trade.report.blocks import all_cases, join_first_names, join_texts, number, percent, words
 from lvnav_trade.report.escape import source
 
 _BLANKS = re.compile(r"[ \n]+")
@@ -45,6 +45,7 @@ def _sentences() -> Any:
         "number": number,
         "percent": percent,
         "words": words,
+        "all_cases": all_cases,
         "join_texts": join_texts,
         "join_first_names": join_first_names,
     }

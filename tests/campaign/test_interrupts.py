@@ -7,7 +7,7 @@ from contextlib import suppress
 
 import pytest
 
-from lvnav_trade.campaign.interrupts import interrupt_handlers, raise_if_interrupted
+from lvnav_trade.campaign.interrupts import attempt, interrupt_handlers, raise_if_interrupted
 
 
 def test_an_error_without_an_interrupt_among_its_causes_is_none() -> None:
@@ -50,3 +50,14 @@ def test_an_interrupt_that_is_ignored_stays_so() -> None:
             assert signal.getsignal(signal.SIGINT) is signal.SIG_IGN
     finally:
         signal.signal(signal.SIGINT, before)
+
+
+def test_an_attempt_ignores_a_failure_but_no_interrupt():
+    def fail(error):
+        raise error
+
+    interrupted = SystemError("within a kernel")
+    interrupted.__cause__ = KeyboardInterrupt()
+    attempt(fail, ValueError("no compiler"))
+    with pytest.raises(KeyboardInterrupt):
+        attempt(fail, interrupted)

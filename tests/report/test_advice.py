@@ -126,7 +126,7 @@ def test_the_source_that_filters_do_not_model_is_the_largest_of_one_and_counted_
 
 
 @pytest.mark.parametrize(("states", "said"), [
-    ({}, "None of the 2 models the gyro scale factor, which accounts for 25 to 75 % of the mean-square velocity error "
+    ({}, "Neither filter models the gyro scale factor, which accounts for 25 to 75 % of the mean-square velocity error "
          "at injection by linear covariance; filters/tight_extended models it."),
     ({"imu=coarse": ["gyro_scale_factor"]},
      "1 of the 2 does not model the gyro scale factor, which accounts for 75 % of the mean-square velocity error at "

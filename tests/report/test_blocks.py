@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 
 from lvnav_trade.report import blocks
-from lvnav_trade.report.blocks import Text, combine_equal_cases, number, percent, table
+from lvnav_trade.report.blocks import Text, all_cases, combine_equal_cases, number, percent, table
 from lvnav_trade.results.evaluation import METRICS
 
 
@@ -35,7 +35,7 @@ def test_cases_with_the_same_rows_stand_once_in_a_table():
         ("a; b", "y", 2),
         ("c", "x", 3),
     ]
-    assert list(combine_equal_cases(frame[:4]).case) == ["all 2 cases", "all 2 cases"]
+    assert list(combine_equal_cases(frame[:4]).case) == ["both cases", "both cases"]
     assert combine_equal_cases(frame[2:]).equals(frame[2:])
 
 
@@ -72,3 +72,7 @@ def test_headings_of_a_table_of_the_report_are_distinct(layout: str) -> None:
     columns = " ".join(blocks.texts()["tables"][layout]["columns"].split()).split(" | ")
     headings = [entry.rpartition(" = ")[0] or entry.partition(": ")[0] for entry in columns]
     assert len(set(headings)) == len(headings)
+
+
+def test_two_cases_together_are_both_cases():
+    assert [all_cases(count) for count in (2, 3)] == ["both cases", "all 3 cases"]

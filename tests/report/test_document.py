@@ -146,7 +146,7 @@ def test_designs_that_keep_the_policy_at_an_event_and_not_around_it_are_named(re
 def test_the_sentence_on_agreement_says_what_is_compared(results):
     """What agrees stands beside the verb, and what is not compared after it."""
     said = " ".join(block.text for block in summary(results) if isinstance(block, Text))
-    agree = "agree in the RMS errors of attitude, velocity and position by axis at every event, in all 2 cases (1 %"
+    agree = "agree in the RMS errors of attitude, velocity and position by axis at every event, in both cases (1 %"
     assert agree in said
     assert "per case). Quantiles, orbit and impact point are not compared." in said
 

@@ -42,8 +42,8 @@ def test_latency_alone_is_shown_without_delays(tables):
 
 def test_recovery_and_losses_are_reported_in_tables(tables):
     fixes, losses, recovery = [block for block in tracking(tables) if isinstance(block, Table)]
-    assert losses.rows[0] == ("all 2 cases", "fault", "8", "8", "60.0", "60.0")
-    assert recovery.rows[0] == ("all 2 cases", "satellite outage 1", "60.0", "75.0", "8", "0", "8", "3", "7", "0")
+    assert losses.rows[0] == ("both cases", "fault", "8", "8", "60.0", "60.0")
+    assert recovery.rows[0] == ("both cases", "satellite outage 1", "60.0", "75.0", "8", "0", "8", "3", "7", "0")
     assert fixes.rows[0][-2:] == ("18", "8")
 
 

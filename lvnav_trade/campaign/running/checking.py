@@ -1,11 +1,12 @@
 """Checks before anything is computed: invalid trajectories, and settings without effect on any case."""
 
+import operator
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 from lvnav_trade.campaign.definition.axes import Case
 from lvnav_trade.campaign.definition.schema import Campaign
-from lvnav_trade.campaign.interrupts import raise_if_interrupted
+from lvnav_trade.campaign.interrupts import attempt
 from lvnav_trade.campaign.reading import flights
 from lvnav_trade.campaign.reading.effect import Effects
 from lvnav_trade.campaign.running import work
@@ -26,7 +27,7 @@ def check_flight(
     distinct_cases: Sequence[Case],
     engine: work.Engine,
     jobs: int,
-    advance_tasks: Sequence[Callable[[], None]] = (),
+    early_tasks: Sequence[Callable[[], None]] = (),
 ) -> TrajectoryCheck:
     """Build every distinct trajectory of a campaign and check the campaign against them.
 
@@ -40,8 +41,8 @@ def check_flight(
         Functions that compute.
     jobs : int
         Worker processes.
-    advance_tasks : sequence of callable
-        Functions for workers that have no trajectory to build, such as the compilation of kernels. Their failure is
+    early_tasks : sequence of callable
+        Functions for workers that have no trajectory to build, such as compilation of kernels. A failure is
         ignored, since the stage that needs the result reports it.
 
     Returns
@@ -58,9 +59,9 @@ def check_flight(
     for case in distinct_cases:
         by_trajectory.setdefault(_trajectory_text(case), case)
     items: list[tuple[Any, ...]] = [(work.trajectory_summary, engine, case) for case in by_trajectory.values()]
-    items += [(_ignore_failure, function) for function in advance_tasks]
-    results = list(map_items(jobs, _call, items, is_ordered=True))
-    summaries = dict(zip(by_trajectory, results, strict=False))  # the results of `advance_tasks` follow
+    items += [(attempt, task) for task in early_tasks]
+    results = list(map_items(jobs, operator.call, items, is_ordered=True))
+    summaries = dict(zip(by_trajectory, results, strict=False))  # the results of `early_tasks` follow
     errors = []
     for text, case in by_trajectory.items():
         summary = summaries[text]
@@ -74,17 +75,6 @@ def check_flight(
     refuse_all(misfits)
     remarks = [remark for summary in summaries.values() for remark in summary.remarks]
     return TrajectoryCheck(times, flights.remarks(distinct_cases, remarks))
-
-
-def _call(function: Callable[..., Any], *arguments: Any) -> Any:
-    return function(*arguments)
-
-
-def _ignore_failure(function: Callable[[], None]) -> None:
-    try:
-        function()
-    except Exception as error:
-        raise_if_interrupted(error)
 
 
 def check_effect(campaign: Campaign, distinct_cases: Sequence[Case], engine: work.Engine) -> None:

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any, Literal, NamedTuple, Protocol
 
 from lvnav_trade.campaign.definition.axes import Case
-from lvnav_trade.campaign.interrupts import raise_if_interrupted
+from lvnav_trade.campaign.interrupts import attempt
 from lvnav_trade.campaign.running import work
 from lvnav_trade.campaign.running.progress import Progress
 from lvnav_trade.campaign.running.shards import Shard
@@ -87,10 +87,10 @@ class FinishedCase(NamedTuple):
     tables: tuple[tuple[str, int], ...]  # names and sizes (bytes) of its tables
 
 
-def covariance_or_advance_work(
-    job: work.Job, case: Case, advance_work: Callable[[work.Job, Case], Any] | None
+def covariance_or_early_task(
+    job: work.Job, case: Case, early_task: Callable[[work.Job, Case], Any] | None
 ) -> work.CovarianceResult | None:
-    """Compute the linear covariance of a case, or work in advance, such as compiling.
+    """Compute the linear covariance of a case, or carry out a task in advance, such as compiling.
 
     Parameters
     ----------
@@ -98,20 +98,17 @@ def covariance_or_advance_work(
         Data of the campaign for a worker.
     case : Case
         The case.
-    advance_work : callable, optional
-        Work in advance. A failure is ignored, since the case's own stage reports it.
+    early_task : callable, optional
+        Task in advance. A failure is ignored, since the case's own stage reports it.
 
     Returns
     -------
     CovarianceResult or None
-        Result of the case; None after work in advance.
+        Result of the case; None after a task in advance.
     """
-    if advance_work is None:
+    if early_task is None:
         return work.compute_covariance(job, case)
-    try:
-        advance_work(job, case)
-    except Exception as error:
-        raise_if_interrupted(error)
+    attempt(early_task, job, case)
     return None
 
 

@@ -29,7 +29,7 @@ from lvnav_trade.campaign.running.conduct import (
     Store,
     analyse_case,
     compile_kernels,
-    covariance_or_advance_work,
+    covariance_or_early_task,
 )
 from lvnav_trade.campaign.running.plan import Block, blocks
 from lvnav_trade.campaign.running.pool import WorkList, end_workers, map_items, numbered_result
@@ -129,9 +129,9 @@ class _Run:
         self.stopping = Stopping(campaign)
         if not is_filled():
             self.progress.note(COMPILING)
-        # the other worker compiles what does not depend on the trajectory
-        advance_tasks = [statistics.compile_kernels] if campaign.monte_carlo and self.jobs > 1 else []
-        self.remarks = check_flight(campaign.probe, checked_cases, engine, self.jobs, advance_tasks).remarks
+        # another worker compiles kernels that do not depend on the trajectory
+        early_tasks = [statistics.compile_kernels] if campaign.monte_carlo and self.jobs > 1 else []
+        self.remarks = check_flight(campaign.probe, checked_cases, engine, self.jobs, early_tasks).remarks
         self.blocks = blocks(campaign, self.cases, {})
         if self.space is not None:
             # The few designs that are analysed completely need not read every setting of the campaign.
@@ -323,7 +323,7 @@ class _Run:
             first_case = self.cases[0]
             items.insert(0, (self.job, first_case, compile_kernels))
             items.append((self.job, first_case, work.diagnose))
-        return covariance_or_advance_work, items
+        return covariance_or_early_task, items
 
     def _report_covariance(self, by_case: dict[str, work.CovarianceResult], on_answers: OnAnswers | None) -> None:
         """Refuse settings without effect on any case, and pass the results on to `on_answers`."""

@@ -219,4 +219,4 @@ def test_an_interrupt_within_compiled_code_is_no_error_of_a_unit_of_work() -> No
         raise error
 
     with pytest.raises(KeyboardInterrupt):
-        conduct.covariance_or_advance_work(None, None, ahead)  # type: ignore[arg-type]
+        conduct.covariance_or_early_task(None, None, ahead)  # type: ignore[arg-type]
