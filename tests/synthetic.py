@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import atexit
 import json
+import shutil
+import tempfile
+from functools import cache
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -314,7 +318,36 @@ def results(
 
     rejects: probability that the gate rejects a good row at one epoch; logic: the filters start and stop by one;
     explained: linear covariance is explained; traced: the worst runs are kept over time.
+    A new folder is a copy: the same results are computed once per process.
     """
+    settings = (n_run, size, wrong, failing, campaign, rejects, logic, explained, traced)
+    if folder.is_dir() and any(folder.iterdir()):
+        return _write_results(folder, *settings)
+    shutil.copytree(_computed(settings), folder, dirs_exist_ok=True)
+    return folder
+
+
+@cache
+def _computed(settings: tuple[Any, ...]) -> Path:
+    """Return a folder of results that nobody changes."""
+    root = tempfile.mkdtemp(prefix="lvnav-synthetic-")
+    atexit.register(shutil.rmtree, root, ignore_errors=True)
+    return _write_results(Path(root) / "results", *settings)
+
+
+def _write_results(
+    folder: Path,
+    n_run: int,
+    size: int,
+    wrong: float,
+    failing: tuple[int, ...],
+    campaign: str,
+    rejects: float,
+    logic: bool,
+    explained: bool,
+    traced: bool,
+) -> Path:
+    """Write the results of two cases, see `results`."""
     written = open_results(folder, "synthetic", campaign, {"seed": 7}, "resume")
     for case, factor in CASES:
         reported, drawn = covariance(factor), covariance(factor, wrong)

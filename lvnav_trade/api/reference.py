@@ -70,14 +70,11 @@ def cards(folder: str = "") -> list[CardInfo]:
     from lvnav_trade.campaign.syntax import card_lookup
     from lvnav_trade.campaign.syntax.tree import hint
 
-    catalogue = card_lookup.catalogue(Path.cwd())
-    if not folder:
-        selected_cards = list(catalogue)
-    else:
-        prefix = f"{folder.rstrip('/')}/"
-        selected_cards = [card for card in catalogue if card.name.startswith(prefix)]
+    prefix = f"{folder.rstrip('/')}/" if folder else ""
+    selected_cards = card_lookup.catalogue(Path.cwd(), prefix)
     if not selected_cards:
-        folders = sorted({card.name.partition("/")[0] for card in catalogue})
+        names = card_lookup.Shelf.from_folder(Path.cwd()).card_names()
+        folders = sorted({name.partition("/")[0] for name in names})
         raise InputError(f"cards: no folder {folder!r}{hint(folder, folders)}")
     return selected_cards
 

@@ -292,10 +292,10 @@ def cards(
     """List all cards, those of a folder, or show one."""
     from lvnav_trade import api
 
-    all_cards = api.cards()
-    selected_cards = [card for card in all_cards if name is None or card.name.startswith(f"{name.rstrip('/')}/")]
-    if name is not None and not selected_cards:
-        text = api.card_text(name)
+    try:
+        selected_cards = api.cards(name or "")
+    except InputError:  # no folder of this name
+        text = api.card_text(name or "")
         return VerbResult(text.removesuffix("\n"), {"name": name, "text": text})
     content = {"cards": [card._asdict() for card in selected_cards]}
     if not long:

@@ -84,7 +84,8 @@ def chosen() -> dict[type, dict[str, set[Any]]]:
         if file.name == "study.yaml" or {"statements", "configs"} & set(file.parts):
             continue
         seen: set[int] = set()
-        campaign = load(file)
+        is_sampled = "\nsamples:" in file.read_text(encoding="utf-8")
+        campaign = load(file, ["samples=100"] if is_sampled else ())  # a Latin hypercube has every level of an axis
         for card in cards_of((campaign.base, [case.scenario for case in cases(campaign)])):
             if id(card) in seen:
                 continue

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Iterator, Sequence
-from functools import lru_cache
 from pathlib import Path
 from typing import NamedTuple
 
@@ -72,23 +71,7 @@ class Shelf(NamedTuple):
             candidates = [*self.card_names(), *neighbours, *map(str, words)]
             suggestion = _suggestion(name, candidates)
             raise tree.refuse(node.place, path, f"no card {quoted(name)}{suggestion}")
-        state = file.stat()
-        card = _card_tree(file, os.getcwd(), state.st_size, state.st_mtime_ns)
-        if isinstance(card, InputError):
-            raise InputError(records=card.records)
-        return card
-
-
-@lru_cache(maxsize=128)
-def _card_tree(file: Path, working_folder: str, size: int, modification_time: int) -> tree.Node | InputError:
-    """Return the tree of a card's file, or its input error.
-
-    The other arguments only identify the entry of the cache: messages have paths relative to the working folder.
-    """
-    try:
         return tree.read_mapping(file)
-    except InputError as error:
-        return error
 
 
 def _suggestion(name: str, card_names: Sequence[str]) -> str:
@@ -135,13 +118,17 @@ class CardInfo(NamedTuple):
     file: str
 
 
-def catalogue(folder: Path) -> list[CardInfo]:
-    """Return the cards that a campaign in `folder` can name; a card of the user hides one of the tool."""
-    cards_by_name: dict[str, CardInfo] = {}
+def catalogue(folder: Path, prefix: str = "") -> list[CardInfo]:
+    """Return the cards that a campaign in `folder` can name; a card of the user hides one of the tool.
+
+    Only cards whose name begins with `prefix` are read.
+    """
+    files_by_name: dict[str, Path] = {}
     for start in Shelf.from_folder(folder).folders:
         for name, file in _cards(start):
-            cards_by_name.setdefault(name, _card_info(name, file))
-    return sorted(cards_by_name.values())
+            if name.startswith(prefix):
+                files_by_name.setdefault(name, file)
+    return [_card_info(name, file) for name, file in sorted(files_by_name.items())]
 
 
 def _card_info(name: str, file: Path) -> CardInfo:

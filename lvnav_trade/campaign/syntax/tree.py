@@ -6,6 +6,7 @@ import os
 import re
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, field
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -178,6 +179,21 @@ def parse(text: str, file: str, folder: Path) -> Node:
     InputError
         The text is empty or not YAML, or has content that is not permitted, such as duplicate keys.
     """
+    is_short = len(text) <= _CACHED_LENGTH
+    return _cached_tree(text, file, folder) if is_short else _parsed_tree(text, file, folder)
+
+
+_CACHED_LENGTH = 2**17  # characters; the tree of a longer text takes more than 20 MB
+
+
+@lru_cache(maxsize=256)
+def _cached_tree(text: str, file: str, folder: Path) -> Node:
+    """Return the tree of a text from the cache. Cases, campaigns and axes name the same cards many times."""
+    return _parsed_tree(text, file, folder)
+
+
+def _parsed_tree(text: str, file: str, folder: Path) -> Node:
+    """Return the tree of a text; arguments and errors as in `parse`."""
     reader = YAML(typ="rt", pure=True)
     reader.Composer = BoundedComposer
     try:

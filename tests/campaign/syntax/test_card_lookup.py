@@ -150,6 +150,20 @@ def test_the_catalogue_lists_the_users_cards_beside_the_tools(study) -> None:
     assert found["imu/tactical_fog"].title.startswith("Tactical FOG")
 
 
+def test_the_catalogue_of_a_folder_reads_no_other_card(study, monkeypatch: pytest.MonkeyPatch) -> None:
+    read, names = tree.read_mapping, []
+
+    def noted(file: Path) -> tree.Node:
+        names.append(file.parent.name)
+        return read(file)
+
+    monkeypatch.setattr(tree, "read_mapping", noted)
+    whole = [card for card in catalogue(Path()) if card.name.startswith("imu/")]
+    names.clear()
+    assert catalogue(Path(), "imu/") == whole
+    assert set(names) == {"imu"}
+
+
 def test_a_card_that_cannot_be_read_is_listed_and_not_an_end(study) -> None:
     study.write("configs/imu/broken.yaml", "a: [1\n")
     found = {card.name: card for card in catalogue(Path())}

@@ -102,6 +102,17 @@ def test_putting_one_tree_into_another_changes_neither() -> None:
     assert tree.plain_data(base) == {"a": {"b": 1, "c": 2}, "d": 3}
 
 
+def test_a_text_is_parsed_once_and_again_when_it_has_changed(tmp_path: Path) -> None:
+    file = tmp_path / "card.yaml"
+    file.write_text("a: 1\n")
+    first = tree.read(file)
+    assert tree.read(file) is first
+    file.write_text("a: 2\n")
+    assert tree.plain_data(tree.read(file)) == {"a": 2}
+    (tmp_path / "copy.yaml").write_text("a: 1\n")
+    assert tree.read(tmp_path / "copy.yaml").place != first.place
+
+
 def test_a_file_below_the_working_folder_is_shown_relative_to_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
