@@ -42,8 +42,9 @@ def said(source: str) -> Iterator[tuple[int, str]]:
 
 
 def test_nothing_in_the_package_is_named_after_a_publication_of_a_study(root: Path, modules) -> None:
+    suspects = [module for module in modules if WORDS.search(module.text)]
     found = [
-        f"{one.path}:{line}: {text[:80]}" for one in modules for line, text in said(one.text) if WORDS.search(text)
+        f"{one.path}:{line}: {text[:80]}" for one in suspects for line, text in said(one.text) if WORDS.search(text)
     ]
     files = [path.relative_to(root) for path in (root / "lvnav_trade").rglob("*") if "_data" not in path.parts]
     found += [str(path) for path in files if WORDS.search(str(path))]
