@@ -35,6 +35,8 @@ LONG = (
 the same kernels and would compile them twice at the same time."""
 PARTS = {"simulation": 4, "published": 2, "campaign": 2, "architecture": 2, "both_engines": 2}
 """Number of processes of a room, 1 for the others."""
+TOGETHER = (("gnss", "imu", "mutations", "scenario"), ("fuzzing", "quantities", "studies"))
+"""Small rooms in one process each: a process takes two to three seconds until its first test."""
 ONE_PROCESSOR = {"LOKY_MAX_CPU_COUNT": "1"}
 """A room draws its figures in its own process. Workers would load the package again, and the other rooms use the
 processors."""
@@ -55,10 +57,11 @@ class Outcome(NamedTuple):
 
 
 def rooms() -> dict[str, list[Path]]:
-    """Return the folders of tests by name, long ones first, and the tests outside folders."""
+    """Return the folders of tests by name, long ones first and small ones joined, and the tests outside folders."""
     folders = {path.name: [path] for path in sorted(TESTS.iterdir()) if any(path.rglob("test_*.py"))}
-    long_first = {name: folders[name] for name in LONG}
-    return long_first | folders | {"others": sorted(TESTS.glob("test_*.py"))}
+    long_first = {name: folders.pop(name) for name in LONG}
+    joined = {", ".join(names): [path for name in names for path in folders.pop(name)] for names in TOGETHER}
+    return long_first | folders | joined | {"others": sorted(TESTS.glob("test_*.py"))}
 
 
 def parts(room: str, paths: list[Path]) -> dict[str, list[Path]]:
