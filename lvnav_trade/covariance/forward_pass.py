@@ -69,9 +69,11 @@ def linear_case(prepared_case: PreparedCase, has_aiding: bool = True) -> FilterC
     """Return the inputs of an epoch in linear covariance.
 
     To first order, a direct, an iterated and an unscented filter equal the extended filter, and an open loop equals a
-    closed loop (`OptionalState` without its arrays). No measurement is rejected by the gate.
+    closed loop (`OptionalState` without its arrays). No measurement is rejected by the gate. The backup strapdown is a
+    pass of its own.
     """
-    options = prepared_case.options._replace(direct=None, iteration_settings=None, has_sigma_points=None, solver=None)
+    nonlinear_options = {"direct": None, "iteration_settings": None, "has_sigma_points": None, "solver": None}
+    options = prepared_case.options._replace(**nonlinear_options, backup=None)
     has_epochs = prepared_case.model.has_epochs and has_aiding
     model = prepared_case.model._replace(has_epochs=has_epochs, gate_squared=np.inf)
     return case_of(prepared_case, options=options, model=model)

@@ -11,7 +11,9 @@ from lvnav_trade.filter.receivers.receiver import POS as RX_POS
 from lvnav_trade.filter.receivers.receiver import VEL as RX_VEL
 from lvnav_trade.kernels.jit import jit
 from lvnav_trade.kernels.lanes import number_like, where
+from lvnav_trade.simulation.preparation.inputs import Options
 from lvnav_trade.simulation.preparation.prepare import PreparedCase
+from lvnav_trade.simulation.preparation.sensors import sensor_arrays
 
 
 class FilterCase(NamedTuple):
@@ -22,7 +24,7 @@ class FilterCase(NamedTuple):
 
     schedule : Schedule. Windows of IMU ticks.
     signals : Signals. Satellites and receiver at the epochs.
-    sensors : Sensors. The other sensors.
+    sensors : Sensors. The other sensors; may have none.
     model : FilterModel. The filter as arrays.
     options : Options. Optional features.
     tick : s. Sampling interval of the IMU.
@@ -41,16 +43,27 @@ class FilterCase(NamedTuple):
 def case_of(prepared_case: PreparedCase, **changed: Any) -> FilterCase:
     """Return the filter inputs of a prepared case, with some fields replaced."""
     tick = prepared_case.unit.dt
+    sensors = prepared_case.sensors
+    if sensors is None and _compiles_sensors(prepared_case.options):
+        sensors = sensor_arrays((), prepared_case.channels, prepared_case.t_epoch.size)
     case = FilterCase(
         prepared_case.schedule,
         prepared_case.signals,
-        prepared_case.sensors,
+        sensors,
         prepared_case.model,
         prepared_case.options,
         tick,
         tick * prepared_case.model.strapdown.subsamples,
     )
     return case._replace(**changed)
+
+
+def _compiles_sensors(options: Options) -> bool:
+    """Whether the kernels of a case have the code of sensors even if it has no sensor.
+
+    Filters with one of these features usually have sensors. With and without, they then share one compiled version.
+    """
+    return not (options.vehicle is None and options.imu_array is None and options.delay_processing is None)
 
 
 OptionalState = namedtuple(

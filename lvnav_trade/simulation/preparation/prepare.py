@@ -80,7 +80,7 @@ def prepare(
         options=_options(scenario, flight, times, filtering, measurements, imu, reporting),
         chain=measurements.chain,
         devices=flight.devices,
-        sensors=sensor_arrays(flight.devices, flight.channels, flight.epochs.t.size),
+        sensors=sensor_arrays(flight.devices, flight.channels, flight.epochs.t.size) if flight.devices else None,
         channels=flight.channels,
         channel_names=reporting.channel_names,
         failed_check=measurements.failed_check,

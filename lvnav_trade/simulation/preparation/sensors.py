@@ -274,20 +274,18 @@ def _pad_columns(values: Floats, width: int) -> Floats:
     return np.ascontiguousarray(padded_values)
 
 
-def sensor_arrays(sensors: tuple[Sensor, ...], channels: Channels, n_epoch: int) -> Sensors | None:
-    """Return the sensors as arrays for the kernels; None without sensors, whose code is then not compiled.
+def sensor_arrays(sensors: tuple[Sensor, ...], channels: Channels, n_epoch: int) -> Sensors:
+    """Return the sensors as arrays for the kernels.
 
     Parameters
     ----------
     sensors
-        Sensors other than the receiver.
+        Sensors other than the receiver; may be empty.
     channels
         Measurement channels.
     n_epoch
         Number of epochs.
     """
-    if not sensors:
-        return None
     n = len(sensors)
     codes = [_KINDS.index(card_kind(type(sensor.card))) for sensor in sensors]
     n_scalar = [len(sensor.channels.labels) for sensor in sensors]

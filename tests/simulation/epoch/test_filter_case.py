@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import numba
+
 from lvnav_trade.simulation.epoch.filter_case import OptionalState, case_of
+from tests.both_engines.modelled import modelled
 from tests.building import case
 
 
@@ -19,3 +22,12 @@ def test_a_case_has_the_records_of_what_is_prepared_and_what_replaces_them():
 
 def test_a_case_without_features_has_no_arrays_of_them():
     assert set(OptionalState()) == {None}
+
+
+def test_a_filter_of_imu_samples_needs_the_same_kernels_with_and_without_sensors():
+    aided, alone = modelled(), modelled(filter__measurements=("imu",))
+    assert aided.sensors is not None
+    assert alone.sensors is None
+    assert case_of(alone).sensors.code.size == 0
+    assert numba.typeof(case_of(alone)) == numba.typeof(case_of(aided))
+    assert case_of(case()).sensors is None  # the kernels of most cases have no code of sensors
