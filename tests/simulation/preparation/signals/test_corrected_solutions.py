@@ -15,7 +15,7 @@ KLOBUCHAR = (
 )
 LOOSE = (
     "base.filter=filters/loose_conae_000",
-    "base.receiver.solution={kind: bancroft, range_sigma: 2 m, rate_sigma: 0.1 m/s}",
+    "base.receiver.solution={kind: bancroft, range_sigma: 2 m, rate_sigma: 0.1 m/s, reported: true}",
 )
 TRUE = f"base.atmosphere.ionosphere={KLOBUCHAR}"
 

@@ -14,7 +14,7 @@ from lvnav_trade.simulation.montecarlo import run_block
 from lvnav_trade.simulation.preparation.signals.solution import RANGE, direct_error_model
 from tests.building import MATCHED, loaded, prepare_hop
 
-POINT = {"kind": "bancroft", "range_sigma": "2 m", "rate_sigma": "0.1 m/s"}
+POINT = {"kind": "bancroft", "range_sigma": "2 m", "rate_sigma": "0.1 m/s", "reported": True}
 # The flight starts at 3 g, which the receiver's filter must find out: with little jerk its first velocities are so far
 # off that the attitude leaves the linear range.
 FILTERED = {**POINT, "kind": "filtered", "jerk": "10 m/s^3", "clock_noise": "0.1 m/s^2"}
