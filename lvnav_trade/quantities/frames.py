@@ -4,8 +4,9 @@ Matrices read left to right: ``C_e_n`` takes components in e to components in n.
 """
 
 import math
+from collections.abc import Callable
 from datetime import UTC, datetime
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -196,22 +197,42 @@ def geodetic_from_ecef(r_e: ArrayLike) -> tuple[Floats, Floats, Floats]:
     components = r_e if r_e.ndim == 1 else np.moveaxis(r_e, -1, 0)
     x, y, z = np.ascontiguousarray(components)
     p = np.hypot(x, y)
-    reduced_latitude = np.arctan2(SEMI_MAJOR * z, SEMI_MINOR * p)
-    lat = reduced_latitude
+    lat, height = _latitude_and_height(p, z, np.sin, np.cos)
+    lon = np.arctan2(y, x)
+    return np.asarray(lat), np.asarray(lon), np.asarray(height)
+
+
+def height_from_ecef(x: float, y: float, z: float) -> float:
+    """Return the height (m) of a single position x, y, z (m), frame e, by the formulas of `geodetic_from_ecef`."""
+    p = float(np.hypot(x, y))
+    _, height = _latitude_and_height(p, z, math.sin, math.cos)
+    return float(height)
+
+
+def _latitude_and_height(p: Any, z: Any, sin: Callable[[Any], Any], cos: Callable[[Any], Any]) -> tuple[Any, Any]:
+    """Return geodetic latitude (rad) and height (m), see `geodetic_from_ecef`, of positions or of a single one.
+
+    p, z : (...,) or float, m. Distance from the polar axis, and coordinate along it.
+    sin, cos : Functions of numpy; of `math`, which are faster, for a single position.
+    """
+    # the tangent of the reduced latitude is rise over run
+    rise = SEMI_MAJOR * z
+    run = SEMI_MINOR * p
     for _ in range(4):  # each iteration gains four digits or more, the fourth only confirms
+        reduced_latitude = np.arctan2(rise, run)
         # tan lat = (z + e'^2 b sin^3 reduced) / (p - e^2 a cos^3 reduced)
-        sin_reduced = np.sin(reduced_latitude)
-        cos_reduced = np.cos(reduced_latitude)
+        sin_reduced = sin(reduced_latitude)
+        cos_reduced = cos(reduced_latitude)
         polar = z + SECOND_ECCENTRICITY_2 * SEMI_MINOR * sin_reduced**3
         level = p - ECCENTRICITY_2 * SEMI_MAJOR * cos_reduced**3
         lat = np.arctan2(polar, level)
-        reduced_latitude = np.arctan2((1.0 - FLATTENING) * np.sin(lat), np.cos(lat))
-    sin_lat = np.sin(lat)
-    cos_lat = np.cos(lat)
+        sin_lat = sin(lat)
+        cos_lat = cos(lat)
+        rise = (1.0 - FLATTENING) * sin_lat
+        run = cos_lat
     surface = SEMI_MAJOR * np.sqrt(1.0 - ECCENTRICITY_2 * sin_lat**2)
     height = p * cos_lat + z * sin_lat - surface
-    lon = np.arctan2(y, x)
-    return np.asarray(lat), np.asarray(lon), np.asarray(height)
+    return lat, height
 
 
 def rotation_e_n(latitude: ArrayLike, longitude: ArrayLike) -> Floats:

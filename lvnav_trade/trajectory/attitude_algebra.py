@@ -44,7 +44,7 @@ def product(p: Floats, q: Floats) -> Floats:
     q_scalar = q[:, :1]
     q_vector = q[:, 1:]
     dot = np.sum(p_vector * q_vector, axis=1, keepdims=True)
-    cross = np.cross(p_vector, q_vector)
+    cross = frames.cross(p_vector, q_vector)
     scalar = p_scalar * q_scalar - dot
     vector = p_scalar * q_vector + q_scalar * p_vector + cross
     return np.concatenate([scalar, vector], axis=1)

@@ -52,6 +52,7 @@ def test_geodetic_round_trip_returns_the_point(lat, lon, height):
     r_e = frames.ecef_from_geodetic(lat, lon, height)
     back = frames.ecef_from_geodetic(*frames.geodetic_from_ecef(r_e))
     assert np.allclose(back, r_e, rtol=0.0, atol=3e-8)  # a few ulps of 4e7 m
+    assert frames.height_from_ecef(*r_e.tolist()) == pytest.approx(height, abs=3e-8)
 
 
 def test_sidereal_time_is_that_of_vallado_example_3_5():

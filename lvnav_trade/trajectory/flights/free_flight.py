@@ -1,13 +1,15 @@
 """Flight of a point mass in phases, attitude laws of its body, and the splines of both."""
 
+import copy
+import math
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.interpolate import BSpline, PPoly
 
-from lvnav_trade.kernels.earth import gravity_along, gravity_j4
+from lvnav_trade.kernels.earth import OMEGA, gravity_along, gravity_j4
 from lvnav_trade.kernels.media.atmosphere import atmosphere
 from lvnav_trade.quantities import frames
 from lvnav_trade.quantities.records import Floats
@@ -17,6 +19,7 @@ from lvnav_trade.trajectory.attitude_algebra import body_axes, product, rotation
 from lvnav_trade.trajectory.truth import Phase, join_samples, spline_phase
 
 Axes = Callable[[Floats, Floats], Floats]  # times (n,) and states (n, 6 or more) to C_b_i (n, 3, 3)
+Law = Callable[[float, Floats], Floats]  # time and state (7,) to the unit vector of the thrust, or to a rate (7,)
 _TOLERANCE = 1e-11  # relative, of the integration; 1e-12 moves the end of an orbit by millimetres
 _LONGEST_STEP = 20.0  # s; so that the integrator does not step over a thin layer of air
 
@@ -27,11 +30,13 @@ class AttitudeLaw(NamedTuple):
     start : s since lift-off. Start of the law.
     slew : s. Duration of the turn from the previous law.
     axes : Function of times and states that returns the attitude.
+    nose : Function of time and state that returns the x axis alone, (3,), frame i; None: it is taken from `axes`.
     """
 
     start: float
     slew: float
     axes: Axes
+    nose: Law | None = None
 
 
 def attitude(modes: Sequence[AttitudeLaw], t: Floats, y: Floats) -> Floats:
@@ -98,11 +103,13 @@ def nose_direction(modes: Sequence[AttitudeLaw], t: float, y: Floats) -> Floats:
     t : s since lift-off
     y : (6 or more,) m, m/s. Position and velocity, frame i.
     """
-    times = np.array([t])
-    states = y[None]
     active_modes = [modes[0], *(mode for mode in modes[1:] if mode.start < t)]
     latest = active_modes[-1]
     has_turned = len(active_modes) == 1 or t >= latest.start + latest.slew
+    if has_turned and latest.nose is not None:
+        return latest.nose(t, y)
+    times = np.array([t])
+    states = y[None]
     if has_turned:
         axes = latest.axes(times, states)
     else:
@@ -129,6 +136,11 @@ def airspeed_law(right_e: Floats, theta0: float, at_rest: Floats | None = None) 
     return axes
 
 
+def airspeed_direction(t: float, y: Floats) -> Floats:
+    """Return the direction (3,) of the velocity through air that rotates with the Earth, frame i, at a state."""
+    return frames.unit(frames.earth_velocity(y[:3], y[3:6]))
+
+
 def inertial_law(C_b_i: Floats) -> Axes:
     """Return the attitude law of a body with constant inertial attitude C_b_i (3, 3)."""
     return lambda t, y: np.broadcast_to(C_b_i, (t.size, 3, 3)).copy()
@@ -140,7 +152,7 @@ def velocity_law(sign: float = 1.0) -> Axes:
     def axes(t: Floats, y: Floats) -> Floats:
         r = y[:, :3]
         v = y[:, 3:6]
-        across = frames.unit(np.cross(v, r))  # v x r points to the right of forward flight
+        across = frames.unit(frames.cross(v, r))  # v x r points to the right of forward flight
         x = sign * frames.unit(v)
         right = sign * across
         no_roll = np.zeros(t.size)
@@ -149,12 +161,22 @@ def velocity_law(sign: float = 1.0) -> Axes:
     return axes
 
 
+def forward_direction(t: float, y: Floats) -> Floats:
+    """Return the direction (3,) of the inertial velocity, frame i, at a state."""
+    return frames.unit(y[3:6])
+
+
+def backward_direction(t: float, y: Floats) -> Floats:
+    """Return the direction (3,) against the inertial velocity, frame i, at a state."""
+    return -frames.unit(y[3:6])
+
+
 def level_attitude(t: Floats, y: Floats) -> Floats:
     """Return the attitude (n, 3, 3) with x axis horizontal in the orbital plane, forward, and z axis to the centre."""
     r = y[:, :3]
     v = y[:, 3:6]
-    across = frames.unit(np.cross(v, r))
-    forward = frames.unit(np.cross(r, across))
+    across = frames.unit(frames.cross(v, r))
+    forward = frames.unit(frames.cross(r, across))
     no_roll = np.zeros(t.size)
     return body_axes(forward, across, no_roll)
 
@@ -174,7 +196,6 @@ def rotate_law(axes: Axes, pitch: float, yaw: float) -> Axes:
     return lambda t, y: axes(t, y) @ offset
 
 
-Law = Callable[[float, Floats], Floats]  # time and state (7,) to the unit vector of the thrust, or to a rate (7,)
 Condition = Callable[[float, Floats], float]
 
 
@@ -219,36 +240,43 @@ def newton(air: Drag | None, thrust: Thrust | None, theta0: float) -> Law:
     """
     needs_pressure = thrust is not None and thrust.exit_area > 0.0
 
+    # Single numbers, because arithmetic on arrays of three takes ten times as long.
     def rate(t: float, y: Floats) -> Floats:
-        r, v, mass = y[:3], y[3:6], y[6]
-        acceleration = np.array(gravity_j4(r[0], r[1], r[2]))
+        r_x, r_y, r_z, v_x, v_y, v_z, mass = y.tolist()
+        a_x, a_y, a_z = gravity_j4(r_x, r_y, r_z)
         mass_rate = 0.0
         pressure = 0.0
         if air is not None or needs_pressure:
             density, pressure, _, sound = atmosphere(height(t, y, theta0))
             if air is not None and density > 0.0:
-                airspeed = frames.earth_velocity(r, v)
+                airspeed = (v_x + OMEGA * r_y, v_y - OMEGA * r_x, v_z)
                 speed = float(np.linalg.norm(airspeed))
                 mach = speed / sound
-                coefficient = np.interp(mach, air.mach, air.coefficient)
+                coefficient = float(np.interp(mach, air.mach, air.coefficient))
                 drag_per_airspeed = -0.5 * density * speed * coefficient * air.area / mass
-                acceleration += drag_per_airspeed * airspeed
+                a_x += drag_per_airspeed * airspeed[0]
+                a_y += drag_per_airspeed * airspeed[1]
+                a_z += drag_per_airspeed * airspeed[2]
         if thrust is not None:
             force = thrust.vacuum - pressure * thrust.exit_area
-            direction = thrust.direction(t, y)
-            acceleration += force / mass * direction
+            u_x, u_y, u_z = thrust.direction(t, y).tolist()
+            thrust_acceleration = force / mass
+            a_x += thrust_acceleration * u_x
+            a_y += thrust_acceleration * u_y
+            a_z += thrust_acceleration * u_z
             mass_rate = -thrust.flow
-        return np.concatenate([v, acceleration, [mass_rate]])
+        return np.array([v_x, v_y, v_z, a_x, a_y, a_z, mass_rate])
 
     return rate
 
 
 def height(t: float, y: Floats, theta0: float) -> float:
     """Return the height (m) above the ellipsoid at time t (s) and state y; theta0 : rad, Earth angle at lift-off."""
-    theta = frames.earth_angle(theta0, t)
-    r_e = frames.ecef_from_eci(y[:3], theta)
-    _, _, geodetic_height = frames.geodetic_from_ecef(r_e)
-    return float(geodetic_height)
+    theta = theta0 + OMEGA * t
+    cosine = math.cos(theta)
+    sine = math.sin(theta)
+    x, y, z = y[:3].tolist()
+    return frames.height_from_ecef(cosine * x + sine * y, cosine * y - sine * x, z)
 
 
 def climb(y: Floats) -> float:
@@ -348,6 +376,15 @@ class FlightIntegration:
         self.modes: list[AttitudeLaw] = []
         self.stretches: list[IntegratedPhase] = []
         self.events: dict[str, float] = {}
+
+    def branch(self) -> Self:
+        """Return a copy that continues from the present state independently."""
+        branch = copy.copy(self)
+        branch.y = self.y.copy()
+        branch.modes = self.modes.copy()
+        branch.stretches = self.stretches.copy()
+        branch.events = self.events.copy()
+        return branch
 
     @property
     def height(self) -> float:

@@ -28,8 +28,12 @@ from lvnav_trade.trajectory.flights.free_flight import (
     AttitudeLaw,
     Axes,
     FlightIntegration,
+    Law,
+    airspeed_direction,
     airspeed_law,
     attitude,
+    backward_direction,
+    forward_direction,
     greatest_load,
     inertial_law,
     knots,
@@ -42,6 +46,11 @@ from lvnav_trade.trajectory.truth import Trajectory, attitude_spline
 
 Pointing = Literal["prograde", "retrograde", "horizontal", "airspeed", "inertial"]
 
+_NOSES: dict[Pointing, Law] = {
+    "prograde": forward_direction,
+    "retrograde": backward_direction,
+    "airspeed": airspeed_direction,
+}
 _COAST, _POWERED, _CANOPY = 2.0, 0.25, 0.05  # s between knots: where forces are smooth, in burns and air, at openings
 _AIR = 200e3  # m; knots below it are as close as in a burn
 _WIDEST = 2.5  # rad; largest turn in a burn: near half a turn the direction, and thus the thrust, is ambiguous
@@ -209,7 +218,9 @@ class _OrbitalIntegration(FlightIntegration):
         start = self.t if self.modes else -math.inf
         slew = leg.slew if self.modes else 0.0
         axes = rotate_law(self._law(leg.attitude), leg.pitch, leg.yaw)
-        self.modes.append(AttitudeLaw(start, slew, axes))
+        is_rotated = leg.pitch != 0.0 or leg.yaw != 0.0
+        nose = None if is_rotated else _NOSES.get(leg.attitude)
+        self.modes.append(AttitudeLaw(start, slew, axes, nose))
 
     def _law(self, law: Pointing) -> Axes:
         """Return an attitude law that begins at the present state."""

@@ -1,7 +1,8 @@
 """A spinning sounding rocket: its card, and its flight along the rail, nose first through the air, and down."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from functools import cache
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
@@ -24,6 +25,7 @@ from lvnav_trade.trajectory.flights.free_flight import (
     AttitudeLaw,
     FlightIntegration,
     Thrust,
+    airspeed_direction,
     airspeed_law,
     attitude,
     climb,
@@ -128,8 +130,8 @@ class SoundingFlight(FlightCard):
 
 def launch(card: SoundingFlight) -> Trajectory:
     """Return the true trajectory of a sounding rocket; InputError if it does not rise or cannot reach its apogee."""
-    rail_elevation, turn_elevation = _solve(card)
-    flight = _simulate(card, rail_elevation, turn_elevation)
+    flight = _ascend(card)
+    flight.fall()
     pad_t = pad_knots(card.pad_hold, _STEP)
     flight_t, states = knots(flight.stretches)
     t = np.concatenate([pad_t, flight_t])
@@ -211,7 +213,7 @@ class _SoundingIntegration(FlightIntegration):
     def nose_first(self, slew: float) -> None:
         """Turn the x axis along the airspeed, within `slew` seconds."""
         axes = airspeed_law(self.right_e, self.theta0)
-        self.modes.append(AttitudeLaw(start=self.t, slew=slew, axes=axes))
+        self.modes.append(AttitudeLaw(start=self.t, slew=slew, axes=axes, nose=airspeed_direction))
 
     def leg(self, name: str, duration: float, thrust: Thrust | None = None) -> None:
         """Integrate for a duration (s); at the end of the aerodynamic phase the leg is cut and the attitude fixed."""
@@ -230,7 +232,8 @@ class _SoundingIntegration(FlightIntegration):
         self.is_held = True
         law_start = self.t if start is None else start
         axes = inertial_law(C_b_i)
-        self.modes.append(AttitudeLaw(start=law_start, slew=self.card.turn_time, axes=axes))
+        nose = C_b_i[:, 0].copy()
+        self.modes.append(AttitudeLaw(law_start, self.card.turn_time, axes, nose=lambda t, y: nose))
 
     def turn(self, elevation: float, coast: float) -> None:
         """Turn to an elevation (rad) above the local horizontal after `coast` seconds, by that time."""
@@ -263,6 +266,17 @@ class _SoundingIntegration(FlightIntegration):
             self.leg(f"stage {number} coast", stage.separation_delay)
             self.events[f"stage{number}_separation"] = self.t
             self.y[6] -= stage.dry
+
+    def fly_stage(self, number: int, stage: SolidMotor, elevation: float | None) -> None:
+        """Coast to the ignition of a stage, burn it, and coast to its separation.
+
+        elevation : rad. Elevation to which the body is turned before ignition; None: no turn.
+        """
+        if number > 1:
+            if elevation is not None:
+                self.turn(elevation, stage.ignition_delay)
+            self.leg(f"coast before stage {number}", stage.ignition_delay)
+        self.burn(number, stage)
 
     def rise(self) -> None:
         """Coast to the apogee."""
@@ -298,49 +312,71 @@ def _centripetal_acceleration(y: Floats) -> Floats:
     return np.array([factor * y[0], factor * y[1], 0.0])
 
 
-def _simulate(
-    card: SoundingFlight, elevation: float, turn: float | None, has_descent: bool = True
-) -> _SoundingIntegration:
-    """Return the flight with rail at `elevation` and last stage turned to `turn` (rad).
-
-    Without descent it ends at apogee.
-    """
+def _fly_lower_stages(card: SoundingFlight, elevation: float) -> _SoundingIntegration:
+    """Return the flight up to the separation below the last stage, with the rail at `elevation` (rad)."""
     flight = _SoundingIntegration(card, elevation)
     flight.leave_rail(card.stages[0])
-    for number, stage in enumerate(card.stages, start=1):
-        is_solved = number == len(card.stages) and turn is not None
-        goal = turn if is_solved else stage.elevation
-        if number > 1:
-            if goal is not None:
-                flight.turn(goal, stage.ignition_delay)
-            flight.leg(f"coast before stage {number}", stage.ignition_delay)
-        flight.burn(number, stage)
-    flight.rise()
-    if has_descent:
-        flight.fall()
+    for number, stage in enumerate(card.stages[:-1], start=1):
+        flight.fly_stage(number, stage, stage.elevation)
     return flight
 
 
-def _solve(card: SoundingFlight) -> tuple[float, float | None]:
-    """Return the elevations (rad) of rail and last stage (None: no turn) that reach the apogee."""
-    rail, apogee = card.rail.elevation, card.apogee
+def _fly_last_stage(lower_flight: _SoundingIntegration, turn: float | None) -> _SoundingIntegration:
+    """Return the flight up to its apogee, with the last stage turned to `turn` (rad; None: no turn)."""
+    flight = lower_flight.branch()
+    stages = flight.card.stages
+    flight.fly_stage(len(stages), stages[-1], turn)
+    flight.rise()
+    return flight
+
+
+def _ascend(card: SoundingFlight) -> _SoundingIntegration:
+    """Return the flight up to its apogee, with the elevation of rail or last stage that reaches a stated apogee."""
+    rail, apogee, turn = card.rail.elevation, card.apogee, card.stages[-1].elevation
     if apogee is None:
         assert rail is not None
-        return rail, None
-    # A rocket that does not leave its rail is refused before the search.
-    _SoundingIntegration(card, rail or math.radians(80.0)).leave_rail(card.stages[0])
+        return _fly_last_stage(_fly_lower_stages(card, rail), turn)
+    if rail is None:
+        # A rocket that does not leave its rail is refused before the search.
+        _SoundingIntegration(card, math.radians(80.0)).leave_rail(card.stages[0])
+        bounds = (math.radians(60.0), math.radians(89.5))
+
+        def fly_from_rail(elevation: float) -> _SoundingIntegration:
+            return _fly_last_stage(_fly_lower_stages(card, elevation), turn)
+
+        return _search(card, apogee, bounds, fly_from_rail)
+    lower_flight = _fly_lower_stages(card, rail)
+    bounds = (math.radians(-10.0), math.radians(80.0))
+    return _search(card, apogee, bounds, lambda elevation: _fly_last_stage(lower_flight, elevation))
+
+
+def _search(
+    card: SoundingFlight,
+    apogee: float,
+    bounds: tuple[float, float],
+    fly_to_apogee: Callable[[float], _SoundingIntegration],
+) -> _SoundingIntegration:
+    """Return the flight that reaches the apogee.
+
+    Parameters
+    ----------
+    card : SoundingFlight
+    apogee : float
+        Height of the apogee (m).
+    bounds : (2,)
+        Lowest and highest elevation (rad).
+    fly_to_apogee : function of an elevation (rad)
+        Returns the flight up to its apogee.
+    """
+    fly_once = cache(fly_to_apogee)  # the solution is an elevation that the search has tried
 
     def excess_height(elevation: float) -> float:
-        rail_elevation, turn = (elevation, None) if rail is None else (rail, elevation)
         try:
-            return _simulate(card, rail_elevation, turn, has_descent=False).height - apogee
+            return fly_once(elevation).height - apogee
         except InputError:  # so low that it comes down before its last stage is done
             return -apogee
 
-    if rail is None:
-        low, high = math.radians(60.0), math.radians(89.5)
-    else:
-        low, high = math.radians(-10.0), math.radians(80.0)
+    low, high = bounds
     try:
         elevation = float(brentq(excess_height, low, high, xtol=1e-7))
     except ValueError:
@@ -348,7 +384,7 @@ def _solve(card: SoundingFlight) -> tuple[float, float | None]:
             f"{card.name}: an apogee of {apogee / 1e3:g} km is out of reach with elevations of "
             f"{math.degrees(low):g} to {math.degrees(high):g} deg"
         ) from None
-    return (elevation, None) if rail is None else (rail, elevation)
+    return fly_once(elevation)
 
 
 def _max_q(flight: _SoundingIntegration) -> tuple[float, float]:

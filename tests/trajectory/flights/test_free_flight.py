@@ -13,11 +13,15 @@ from lvnav_trade.quantities.frames import earth_velocity, ecef_from_geodetic, ma
 from lvnav_trade.trajectory.ascent.equations_of_motion import Drag
 from lvnav_trade.trajectory.flights.free_flight import (
     AttitudeLaw,
+    FlightIntegration,
     Thrust,
+    airspeed_direction,
     airspeed_law,
     attitude,
+    backward_direction,
     climb,
     fly,
+    forward_direction,
     greatest_load,
     height,
     inertial_law,
@@ -106,6 +110,32 @@ def test_the_nose_at_one_time_is_that_of_the_whole_history():
     whole = matrices(attitude(modes, T, Y))[:, :, 0]
     for k in (0, 100, 230, 300, 700):
         assert np.max(np.abs(nose_direction(modes, float(T[k]), Y[k]) - whole[k])) < 1e-12
+
+
+def test_the_nose_of_a_law_is_the_x_axis_of_its_attitude():
+    air = airspeed_law(np.array([0.0, -math.sin(0.7), math.cos(0.7)]), 0.3)
+    for axes, nose in (
+        (velocity_law(), forward_direction),
+        (velocity_law(-1.0), backward_direction),
+        (air, airspeed_direction),
+    ):
+        expected = axes(T, Y)[:, :, 0]
+        for k in (0, 100, 800):
+            assert np.array_equal(nose(float(T[k]), Y[k]), expected[k])
+            assert np.array_equal(nose_direction([AttitudeLaw(-math.inf, 0.0, axes, nose)], T[k], Y[k]), expected[k])
+
+
+def test_a_branch_of_a_flight_leaves_the_flight_as_it_is():
+    flight = FlightIntegration(0.0, state(300e3, 7200.0, 100.0), None)
+    flight.modes.append(FORWARD)
+    branch = flight.branch()
+    branch.append_phase(branch.integrate_phase("coast", 10.0, 1.0))
+    branch.y[6] = 0.5
+    branch.modes.append(BACKWARD)
+    branch.events["end"] = branch.t
+    assert (flight.t, branch.t) == (0.0, 10.0)
+    assert np.array_equal(flight.y, state(300e3, 7200.0, 100.0))
+    assert (flight.modes, flight.stretches, flight.events) == ([FORWARD], [], {})
 
 
 def test_a_law_that_begins_after_the_end_changes_nothing():
