@@ -148,16 +148,14 @@ def small_motion(oscillations: Iterable[Oscillation], t: Floats) -> SmallMotion:
     """Return the sum of oscillations at times t (n,), s since lift-off, in body axes; zero outside their windows."""
     total = SmallMotion(*(np.zeros((t.size, 3)) for _ in SmallMotion._fields))
     for oscillation in oscillations:
-        is_started = oscillation.start < t
-        is_inside = is_started & (t < oscillation.end)
-        motion = _oscillation_motion(oscillation, t[is_inside])
+        motion = _oscillation_motion(oscillation, t)
         for sum_, term in zip(total, motion, strict=True):
-            sum_[is_inside] += term
+            sum_ += term
     return total
 
 
 def _oscillation_motion(oscillation: Oscillation, t: Floats) -> SmallMotion:
-    """Return the motion of one oscillation within its window, by the product rule of window and waves."""
+    """Return the motion of one oscillation, by the product rule of window and waves."""
     window, window_rate, window_acceleration = _window(oscillation, t)
     w = window[:, None]
     dw = window_rate[:, None]
@@ -176,7 +174,7 @@ def _oscillation_motion(oscillation: Oscillation, t: Floats) -> SmallMotion:
 
 
 def _window(oscillation: Oscillation, t: Floats) -> tuple[Floats, Floats, Floats]:
-    """Return the window (n,) and its two derivatives.
+    """Return the window (n,) and its two derivatives, all exactly zero outside.
 
     Its ramps are quintics w = 10 x^3 - 15 x^4 + 6 x^5 with zero slope and curvature at both ends, so that attitude,
     body rate, velocity and specific force have no jump.

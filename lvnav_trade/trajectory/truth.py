@@ -246,70 +246,85 @@ def _to_body(C_b_i: Floats, vectors: Floats) -> Floats:
 
 def _phase_motion(phase: Phase, t: Floats) -> Motion:
     """Return the motion at times t (n,) within a phase."""
-    r, v = phase.position(t), phase.position(t, 1)
     if phase.oscillations:
-        return _oscillating_motion(phase, t, r, v)
+        return _oscillating_motion(phase, t)
+    r, v, a = (phase.position(t, order) for order in range(3))
     q, w_ib_b = _mean_rotation(phase, t)
-    f_i = phase.position(t, 2) - gravity_along(r)
-    f_b = _to_body(frames.matrices(q), f_i)
+    f_b = _to_body(frames.matrices(q), a - gravity_along(r))
     return Motion(t, r, v, q, f_b, w_ib_b)
 
 
 def _mean_rotation(phase: Phase, t: Floats) -> tuple[Floats, Floats]:
     """Return quaternion (n, 4) and body rate (n, 3) at times t (n,) of the body without its oscillations."""
-    quaternion = phase.attitude(t)
-    length = np.linalg.norm(quaternion, axis=1, keepdims=True)
-    q = quaternion / length
-    rate = quaternion_rate(q, phase.attitude(t, 1) / length)
+    quaternion, slope = (phase.attitude(t, order) for order in range(2))
+    q, rate = _unit_quaternion_and_rate(quaternion, slope)
     if phase.roll_angle is None:
         return q, rate
-    roll = rotation_quaternions(np.outer(phase.roll_angle(t), [1.0, 0.0, 0.0]))
+    roll = _roll_quaternions(phase.roll_angle, t)
     rate = _to_body(frames.matrices(roll), rate)
     rate[:, 0] += phase.roll_angle(t, 1)
     return product(q, roll), rate
 
 
-def _angular_acceleration(phase: Phase, t: Floats, w_ib_b: Floats) -> Floats:
-    """Return the angular acceleration (n, 3) rad/s^2 of the body without its oscillations, body axes.
+def _mean_rotation_and_acceleration(phase: Phase, t: Floats) -> tuple[Floats, Floats, Floats]:
+    """Return quaternion and body rate as `_mean_rotation` does, and angular acceleration (n, 3) rad/s^2, body axes."""
+    quaternion, first, second = (phase.attitude(t, order) for order in range(3))
+    q, rate = _unit_quaternion_and_rate(quaternion, first)
+    acceleration = _angular_acceleration(quaternion, first, second)
+    if phase.roll_angle is None:
+        return q, rate, acceleration
+    roll = _roll_quaternions(phase.roll_angle, t)
+    C_roll = frames.matrices(roll)
+    roll_rate = np.outer(phase.roll_angle(t, 1), [1.0, 0.0, 0.0])
+    rate = _to_body(C_roll, rate)
+    rate[:, 0] += roll_rate[:, 0]
+    acceleration = _to_body(C_roll, acceleration) - frames.cross(roll_rate, rate)
+    acceleration[:, 0] += phase.roll_angle(t, 2)
+    return product(q, roll), rate, acceleration
 
-    w_ib_b : (n, 3) rad/s. Body rate from `_mean_rotation` at the times t (n,) s.
-    """
-    quaternion, first, second = phase.attitude(t), phase.attitude(t, 1), phase.attitude(t, 2)
+
+def _unit_quaternion_and_rate(quaternion: Floats, slope: Floats) -> tuple[Floats, Floats]:
+    """Return unit quaternion (n, 4) and body rate (n, 3) rad/s of quaternions of any length with derivative slope."""
+    length = np.linalg.norm(quaternion, axis=1, keepdims=True)
+    q = quaternion / length
+    return q, quaternion_rate(q, slope / length)
+
+
+def _angular_acceleration(quaternion: Floats, first: Floats, second: Floats) -> Floats:
+    """Return the angular acceleration (n, 3) rad/s^2 of quaternions (n, 4) of any length with two derivatives."""
     square = np.sum(quaternion * quaternion, axis=1, keepdims=True)
     # d/dt 2 vec(q* qdot) / |q|^2. qdot* qdot is a scalar and drops out of the vector part; the second term corrects for
     # the change of length.
     acceleration = quaternion_rate(quaternion, second) / square
     rate = quaternion_rate(quaternion, first) / square
     square_slope = 2.0 * np.sum(quaternion * first, axis=1, keepdims=True)
-    acceleration -= rate * (square_slope / square)
-    if phase.roll_angle is None:
-        return np.asarray(acceleration)
-    roll = rotation_quaternions(np.outer(phase.roll_angle(t), [1.0, 0.0, 0.0]))
-    roll_rate = np.outer(phase.roll_angle(t, 1), [1.0, 0.0, 0.0])
-    acceleration = _to_body(frames.matrices(roll), acceleration) - np.cross(roll_rate, w_ib_b)
-    acceleration[:, 0] += phase.roll_angle(t, 2)
-    return acceleration
+    return np.asarray(acceleration - rate * (square_slope / square))
 
 
-def _oscillating_motion(phase: Phase, t: Floats, r: Floats, v: Floats) -> Motion:
-    """Return the motion at times t (n,) of an oscillating body; its mean position is r, its mean velocity v, (n, 3).
+def _roll_quaternions(roll_angle: PPoly, t: Floats) -> Floats:
+    """Return the quaternions (n, 4) of a roll about the body x axis at times t (n,)."""
+    return rotation_quaternions(np.outer(roll_angle(t), [1.0, 0.0, 0.0]))
+
+
+def _oscillating_motion(phase: Phase, t: Floats) -> Motion:
+    """Return the motion at times t (n,) of an oscillating body.
 
     The displacement d, in the axes of the body without oscillations, adds the acceleration
     d'' + 2 w x d' + w' x d + w x (w x d). The rotation vector p turns the body by exp(p) at the rate J(p) p', with
     J = 1 - (1 - cos |p|) / |p|^2 [p x] + (|p| - sin |p|) / |p|^3 [p x]^2.
     """
-    q, w = _mean_rotation(phase, t)
-    dw = _angular_acceleration(phase, t, w)
+    r, v, a = (phase.position(t, order) for order in range(3))
+    q, w, dw = _mean_rotation_and_acceleration(phase, t)
     small = small_motion(phase.oscillations, t)
     C_b_i = frames.matrices(q)
     # d' + w x d, and its derivative: 2 w x d' + w x (w x d) = w x (d' + velocity)
-    velocity = small.shift_rate + np.cross(w, small.shift)
-    rotation_acceleration = np.cross(w, small.shift_rate + velocity)
-    acceleration = small.shift_acceleration + rotation_acceleration + np.cross(dw, small.shift)
+    velocity = small.shift_rate + frames.cross(w, small.shift)
+    rotation_acceleration = frames.cross(w, small.shift_rate + velocity)
+    acceleration = small.shift_acceleration + rotation_acceleration + frames.cross(dw, small.shift)
     r = r + np.einsum("kij,kj->ki", C_b_i, small.shift)
     v = v + np.einsum("kij,kj->ki", C_b_i, velocity)
     shift_acceleration_i = np.einsum("kij,kj->ki", C_b_i, acceleration)
-    f_i = phase.position(t, 2) + shift_acceleration_i - gravity_along(r)
+    f_i = a + shift_acceleration_i - gravity_along(r)
     swing = rotation_quaternions(small.turn)
     swing_rate = rotation_vector_rate(small.turn, small.turn_rate)
     w_ib_b = _to_body(frames.matrices(swing), w) + swing_rate
@@ -366,13 +381,14 @@ def _add_integrals(phase: Phase, begin: Floats, end: Floats, dtheta: Floats, dve
     begin, end : (n,) s. Ends of the intervals, within the phase.
     """
     length = end - begin
+    length_by_axis = np.repeat(length[:, None], 3, axis=1)  # products of arrays of one shape take half of the time
     largest_angle = _highest_frequency(phase) * float(np.max(length))
     nodes, weights = _quadrature(largest_angle)
     for block in _blocks(length.size):
         turn, velocity = np.zeros_like(dtheta[block]), np.zeros_like(dvel[block])
         for node, weight in zip(nodes, weights, strict=True):
             node_motion = _phase_motion(phase, begin[block] + node * length[block])
-            scale = (weight * length[block])[:, None]
+            scale = weight * length_by_axis[block]
             turn += scale * node_motion.w_ib_b
             velocity += scale * node_motion.f_b
         dtheta[block] += turn
