@@ -1,6 +1,6 @@
 """Strapdown integration over a window of IMU ticks: coning and sculling compensation, inertial or Earth-fixed axes.
 
-It is called by `mechanisation.mechanise`, which all others call.
+It is called by `mechanisation.mechanise`. Others call that, except where the algorithm is always `full_rate`.
 """
 
 import math

@@ -9,7 +9,7 @@ import numpy as np
 from lvnav_trade.covariance.diagnostics.confirming_runs import gaps, spot_check
 from lvnav_trade.covariance.diagnostics.error_bound import ErrorBound, error_bound
 from lvnav_trade.covariance.diagnostics.imu_stream import Curve, allan_curves
-from lvnav_trade.covariance.diagnostics.nonlinearity import Nonlinearity, nonlinearity, open_loop_nonlinearity
+from lvnav_trade.covariance.diagnostics.nonlinearity import Nonlinearity, nonlinearity, open_loop_nonlinearities
 from lvnav_trade.covariance.diagnostics.observability import TOLERANCE, direction_text, observability
 from lvnav_trade.covariance.diagnostics.protection import Protection, protection
 from lvnav_trade.covariance.history import adjoint, covariance, forward_tape, reporting_rotations, source_covariances
@@ -165,8 +165,8 @@ def _nonlinearities(
 ) -> tuple[tuple[str, Nonlinearity], ...]:
     """Return the nonlinearity at every event and over every gap by name; of an open loop at the events only."""
     if prepared_case.scenario.filter.feedback == "open" and prepared_case.model.has_epochs:
-        times = dict.fromkeys(events.values())
-        by_time = {t: open_loop_nonlinearity(prepared_case, history, t) for t in times}
+        times = list(dict.fromkeys(events.values()))
+        by_time = dict(zip(times, open_loop_nonlinearities(prepared_case, history, times), strict=True))
         return tuple((name, by_time[t]) for name, t in events.items())
     results = [(name, nonlinearity(prepared_case, history, t)) for name, t in events.items()]
     for gap in gaps(history):

@@ -3,14 +3,17 @@
 Errors are truth minus estimate, states in storage order, frame i.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from lvnav_trade.covariance.diagnostics.perturbed_estimate import place, place_previous_epoch
 from lvnav_trade.covariance.diagnostics.propagated_errors import (
+    Windows,
     covariance_steps,
     gap_pieces,
+    linear_error_history,
     linear_errors,
     start_tick,
     strapdown_errors,
@@ -70,9 +73,7 @@ def nonlinearity(
     start = start_tick(prepared_case, time)
     windows = update_windows(prepared_case, start) if end is None else gap_pieces(prepared_case, time, end)
     linear = linear_errors(prepared_case, start, directions, windows)
-    # f(d) = L d + q(d, d): half of the sum of both signs is q, half of the difference is L d
-    plus = strapdown_errors(prepared_case, start, directions, windows)
-    minus = strapdown_errors(prepared_case, start, -directions, windows)
+    plus, minus = _errors_of_both_signs(prepared_case, start, directions, windows)
     if end is not None:  # the measurement at the end of the gap sees the grown errors
         last_before_end = int(np.searchsorted(prepared_case.t_hist, end - 1e-9)) - 1
         last = max(hist, last_before_end)
@@ -89,6 +90,18 @@ def nonlinearity(
         transition=float(first_order.max()) / scale,
         rows=rows / scale,
     )
+
+
+def _errors_of_both_signs(
+    prepared_case: PreparedCase, start: int, directions: Floats, windows: Windows
+) -> tuple[Floats, Floats]:
+    """Return the errors (n, 9) by the strapdown at the end of windows, of directions and of their negatives.
+
+    f(d) = L d + q(d, d): half of the sum of both signs is q, half of the difference is L d.
+    """
+    both_signs = np.concatenate([directions, -directions])
+    plus, minus = np.split(strapdown_errors(prepared_case, start, both_signs, windows), 2)
+    return plus, minus
 
 
 def _orders(plus: Floats, minus: Floats, linear: Floats, formal: Floats) -> tuple[Floats, Floats]:
@@ -114,8 +127,10 @@ def _orders(plus: Floats, minus: Floats, linear: Floats, formal: Floats) -> tupl
     return first_order, second_order
 
 
-def open_loop_nonlinearity(prepared_case: PreparedCase, history: CovHistory, time: float) -> Nonlinearity:
-    """Return the nonlinearity of an open loop, accumulated since the start.
+def open_loop_nonlinearities(
+    prepared_case: PreparedCase, history: CovHistory, times: Sequence[float]
+) -> list[Nonlinearity]:
+    """Return the nonlinearities of an open loop at some times, each accumulated since the start.
 
     The filter is linearised at the uncorrected INS, whose distance from the truth grows. The directions are those of
     the initial errors. The second-order part is the error of the INS beyond the filter's transition; measurements do
@@ -128,18 +143,45 @@ def open_loop_nonlinearity(prepared_case: PreparedCase, history: CovHistory, tim
         Prepared case.
     history
         Linear covariance of the case.
-    time
-        s since lift-off. The nearest history time is used.
+    times
+        s since lift-off. The nearest history times are used.
     """
-    hist = int(np.argmin(np.abs(prepared_case.t_hist - time)))
-    time = float(prepared_case.t_hist[hist])
-    begin = float(prepared_case.t_hist[0])
-    pieces = gap_pieces(prepared_case, begin, time)
+    if not times:
+        return []
+    indices = [int(np.argmin(np.abs(prepared_case.t_hist - time))) for time in times]
     _, initial = _covariances(prepared_case, history, 0)
     directions = _factor(initial)
-    distance = linear_errors(prepared_case, 0, directions, covariance_steps(prepared_case, time))
-    plus = strapdown_errors(prepared_case, 0, directions, pieces)
-    minus = strapdown_errors(prepared_case, 0, -directions, pieces)
+    # the covariance steps until an earlier time are the first of those until the last time
+    steps_by_time = [covariance_steps(prepared_case, float(prepared_case.t_hist[hist])) for hist in indices]
+    step_counts = np.array([steps.first.size for steps in steps_by_time])
+    longest = int(np.argmax(step_counts))
+    distances = linear_error_history(prepared_case, 0, directions, steps_by_time[longest], step_counts)
+    return [
+        _open_loop_nonlinearity(prepared_case, history, hist, directions, distance)
+        for hist, distance in zip(indices, distances, strict=True)
+    ]
+
+
+def _open_loop_nonlinearity(
+    prepared_case: PreparedCase, history: CovHistory, hist: int, directions: Floats, distance: Floats
+) -> Nonlinearity:
+    """Return the nonlinearity of an open loop at a history time.
+
+    Parameters
+    ----------
+    prepared_case
+        Prepared case.
+    history
+        Linear covariance of the case.
+    hist
+        Index of the history time.
+    directions, distance
+        (n, n_state) SI. Initial errors, and the errors that the filter's transition makes of them.
+    """
+    begin = float(prepared_case.t_hist[0])
+    time = float(prepared_case.t_hist[hist])
+    pieces = gap_pieces(prepared_case, begin, time)
+    plus, minus = _errors_of_both_signs(prepared_case, 0, directions, pieces)
     formal, _ = _covariances(prepared_case, history, hist)
     first_order, second_order = _orders(plus, minus, distance, formal)
     rows = _row_nonlinearity(prepared_case, time, distance, formal, noise=0.0)
@@ -212,22 +254,23 @@ def _row_nonlinearity(
     epoch = int(np.argmin(np.abs(prepared_case.t_epoch - time)))
     n_satellite = int(prepared_case.signals.n_used[epoch])
     min_satellites = 1 if model.tight else 4  # a receiver's solution needs four
-    if n_satellite < min_satellites or not _present_rows(prepared_case, epoch):
+    rows = _present_rows(prepared_case, epoch)
+    if n_satellite < min_satellites or not rows:
         return float("nan")
     work = new_nominal(prepared_case)
     no_error = np.zeros(directions.shape[1])
-    exact = _predicted_rows(prepared_case, work, epoch, no_error)
+    exact = _predicted_rows(prepared_case, work, epoch, rows, no_error)
     sigma = _innovation_sigma(prepared_case, work, epoch, formal, noise)
     second_differences = []
     for d in directions:
-        plus = _predicted_rows(prepared_case, work, epoch, d)
-        minus = _predicted_rows(prepared_case, work, epoch, -d)
+        plus = _predicted_rows(prepared_case, work, epoch, rows, d)
+        minus = _predicted_rows(prepared_case, work, epoch, rows, -d)
         second_differences.append(plus + minus - 2.0 * exact)
     second_order = np.abs(second_differences) / 2.0
     return float(np.max(second_order / sigma))
 
 
-def _predicted_rows(prepared_case: PreparedCase, work: Nominal, epoch: int, d: Floats) -> Floats:
+def _predicted_rows(prepared_case: PreparedCase, work: Nominal, epoch: int, rows: list[int], d: Floats) -> Floats:
     """Return minus the predicted measurements of an epoch, up to a constant, SI.
 
     Parameters
@@ -238,6 +281,8 @@ def _predicted_rows(prepared_case: PreparedCase, work: Nominal, epoch: int, d: F
         Arrays of the nominal run, set here.
     epoch
         Index of the epoch.
+    rows
+        Indices of the scalar measurements of the receiver.
     d
         (n_state,) SI. Error of the estimate, truth minus estimate.
     """
@@ -247,7 +292,6 @@ def _predicted_rows(prepared_case: PreparedCase, work: Nominal, epoch: int, d: F
     previous_epoch = place_previous_epoch(prepared_case, work, epoch, d)
     place(prepared_case, work, epoch, d)
     fill_receiver(work, previous_epoch, differences, model, signals, epoch)
-    rows = _present_rows(prepared_case, epoch)
     return work.z[rows]
 
 

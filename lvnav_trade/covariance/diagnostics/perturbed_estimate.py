@@ -3,20 +3,19 @@
 The error is truth minus estimate, states in storage order, frame i.
 """
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from lvnav_trade.covariance.workspace import Nominal, new_nominal_previous_epoch
 from lvnav_trade.filter.ekf import place_antenna
 from lvnav_trade.filter.policies.epoch_differences import PreviousEpoch, store_estimate
-from lvnav_trade.kernels import transition
 from lvnav_trade.kernels.attitude import from_rotation, multiply
-from lvnav_trade.kernels.transition import ACCEL, ATT, GYRO, POS, VEL
-from lvnav_trade.quantities.records import Floats
+from lvnav_trade.kernels.jit import jit
+from lvnav_trade.kernels.lanes import number_like
+from lvnav_trade.kernels.transition import ATT, GYRO, POS, VEL, driver
+from lvnav_trade.quantities.records import Floats, Ints
 from lvnav_trade.simulation.preparation.prepare import PreparedCase
-
-_driver = getattr(transition.driver, "py_func", transition.driver)  # the formula itself, for arrays of ticks
 
 
 def navigation(q: Floats, v: Floats, r: Floats, d: Floats) -> Floats:
@@ -55,65 +54,68 @@ def navigation_at(prepared_case: PreparedCase, tick: int, d: Floats) -> Floats:
     return navigation(q, v, r, d)
 
 
-class Inputs(NamedTuple):
-    """True increments of some ticks, and drivers of IMU parameters.
+class ImuInputs(NamedTuple):
+    """True increments of the flight, and the IMU parameters that the filter models.
 
-    true : (n_tick, 6) rad, m/s. True increments, body axes.
-    sensors : For gyro and accelerometer: columns of the increments, states (n, 3) of its parameters by kind and axis,
-        drivers (n, n_tick, 3).
+    dtheta : (n_tick, 3) rad. True angle increments, body axes.
+    dvel : (n_tick, 3) m/s. True velocity increments, body axes.
+    sensor : (n_block,). Sensor of each block of three parameters: GYRO or ACCEL.
+    driver : (n_block,). Quantity that the parameters of the block multiply.
+    offset : (n_block,). First state of the block.
     dt : s. Tick.
     """
 
-    true: Floats
-    sensors: tuple[tuple[slice, Any, Floats], ...]
+    dtheta: Floats
+    dvel: Floats
+    sensor: Ints
+    driver: Ints
+    offset: Ints
     dt: float
 
 
-def inputs(prepared_case: PreparedCase, first: int, n_tick: int) -> Inputs:
-    """Return the inputs of some ticks; they do not depend on the error of the estimate.
+def imu_inputs(prepared_case: PreparedCase) -> ImuInputs:
+    """Return the true increments of a case and the IMU parameters of its filter."""
+    reference = prepared_case.reference
+    model = prepared_case.model
+    dt = prepared_case.unit.dt
+    return ImuInputs(reference.dtheta, reference.dvel, model.par_sensor, model.par_driver, model.par_offset, dt)
+
+
+@jit
+def compensate(increments, inputs, d, first, n_tick):
+    """Set increments compensated with parameters in error by d: true increments plus residual errors.
 
     Parameters
     ----------
-    prepared_case
-        Prepared case.
-    first, n_tick
-        First tick, number of ticks.
+    increments : (n, 6) rad, m/s, body axes; the first `n_tick` are set
+    inputs : ImuInputs
+    d : (n_state,) SI, error, truth minus estimate; one error or lanes
+    first, n_tick : first tick, number of ticks
     """
-    ticks = slice(first, first + n_tick)
-    dt = prepared_case.unit.dt
-    reference = prepared_case.reference
-    true = np.hstack([reference.dtheta[ticks], reference.dvel[ticks]])
-    angles = slice(0, 3)
-    velocities = slice(3, 6)
-    sensors = []
-    for sensor, columns, other_columns in ((GYRO, angles, velocities), (ACCEL, velocities, angles)):
-        blocks = [block for block in prepared_case.layout.parameters if block.sensor == sensor]
-        if not blocks:
-            continue
-        own_input = true[:, columns] / dt
-        other_input = true[:, other_columns] / dt
-        own_x, own_y, own_z = own_input.T
-        other_x, other_y, other_z = other_input.T
-        drivers = []
-        for block in blocks:
-            axes = _driver(block.driver, own_x, own_y, own_z, other_x, other_y, other_z)
-            drivers.append(np.stack(axes, axis=1))
-        offsets = np.array([block.offset for block in blocks])
-        states = offsets[:, None] + np.arange(3)
-        sensors.append((columns, states, np.stack(drivers)))
-    return Inputs(true, tuple(sensors), dt)
-
-
-def compensate_increments(inputs: Inputs, d: Floats) -> Floats:
-    """Return increments (n_tick, 6) compensated with parameters in error by d: true increments plus residual errors."""
-    true = inputs.true
-    result = true.copy()
-    for columns, states, drivers in inputs.sensors:
-        parameters = d[states][:, None]
-        errors = drivers * parameters * inputs.dt
-        terms = np.concatenate([true[None, :, columns], errors])
-        result[:, columns] = np.add.reduce(terms)  # in this order
-    return result
+    dt = inputs.dt
+    for k in range(n_tick):
+        angles = inputs.dtheta[first + k]
+        velocities = inputs.dvel[first + k]
+        wx = angles[0] / dt
+        wy = angles[1] / dt
+        wz = angles[2] / dt
+        fx = velocities[0] / dt
+        fy = velocities[1] / dt
+        fz = velocities[2] / dt
+        for i in range(3):
+            increments[k, i] = number_like(d[0], angles[i])
+            increments[k, 3 + i] = number_like(d[0], velocities[i])
+        for b in range(inputs.offset.shape[0]):
+            state = inputs.offset[b]
+            if inputs.sensor[b] == GYRO:
+                axis = 0
+                ux, uy, uz = driver(inputs.driver[b], wx, wy, wz, fx, fy, fz)
+            else:
+                axis = 3
+                ux, uy, uz = driver(inputs.driver[b], fx, fy, fz, wx, wy, wz)
+            increments[k, axis] += ux * d[state] * dt
+            increments[k, axis + 1] += uy * d[state + 1] * dt
+            increments[k, axis + 2] += uz * d[state + 2] * dt
 
 
 def increments(prepared_case: PreparedCase, first: int, n_tick: int, d: Floats) -> Floats:
@@ -128,14 +130,21 @@ def increments(prepared_case: PreparedCase, first: int, n_tick: int, d: Floats) 
     d
         (n_state,) SI. Error, truth minus estimate.
     """
-    true_inputs = inputs(prepared_case, first, n_tick)
-    return compensate_increments(true_inputs, d)
+    result = np.empty((n_tick, 6))
+    compensate(result, imu_inputs(prepared_case), d, first, n_tick)
+    return result
 
 
 def tick_at(prepared_case: PreparedCase, time: float) -> int:
     """Return the tick nearest to a time (s)."""
-    distance = np.abs(prepared_case.reference.t - time)
-    return int(np.argmin(distance))
+    t = prepared_case.reference.t
+    next_tick = int(np.searchsorted(t, time))
+    if next_tick == 0:
+        return 0
+    last_tick = next_tick - 1
+    if next_tick == t.size or time - t[last_tick] <= t[next_tick] - time:
+        return last_tick
+    return next_tick
 
 
 def place(prepared_case: PreparedCase, work: Nominal, epoch: int, d: Floats, time: float | None = None) -> None:

@@ -3,27 +3,77 @@
 Errors are truth minus estimate, states in storage order, frame i.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
 from lvnav_trade.covariance.diagnostics.perturbed_estimate import (
-    compensate_increments,
+    compensate,
+    imu_inputs,
     increments,
-    inputs,
     navigation_at,
     tick_at,
 )
-from lvnav_trade.kernels import transition
 from lvnav_trade.kernels.attitude import small_rotation
 from lvnav_trade.kernels.covariance import apply_phi
-from lvnav_trade.kernels.mechanisation import mechanise
-from lvnav_trade.kernels.strapdown import N_SUM, Q, R, V, full_rate
-from lvnav_trade.kernels.transition import ATT, POS, VEL
-from lvnav_trade.quantities.records import Floats
+from lvnav_trade.kernels.jit import jit
+from lvnav_trade.kernels.lanes import GROUP, group, group_view, grouped_zeros
+from lvnav_trade.kernels.strapdown import N_SUM, Q, R, Strapdown, V, full_rate, integrate
+from lvnav_trade.kernels.transition import ATT, POS, VEL, fill
+from lvnav_trade.quantities.records import Floats, Ints
 from lvnav_trade.simulation.preparation.prepare import PreparedCase
 
-Windows = list[tuple[int, int, Floats]]
 _PIECES = 60
 """Number of pieces of a gap; estimated biases are constant within each."""
+
+
+class Windows(NamedTuple):
+    """Successive windows of the flight.
+
+    first : (n,). First tick of each window.
+    n_tick : (n,). Number of ticks.
+    decay : (n, n_state). Decay factor of every state over the window.
+    """
+
+    first: Ints
+    n_tick: Ints
+    decay: Floats
+
+
+class _Strapdown(NamedTuple):
+    """Strapdown integration of one estimate, or of groups of estimates in lanes.
+
+    nav : (10,), or (n_group, 10, lane). Navigation state, frame i.
+    previous : (6,), or (n_group, 6, lane). Increments of the tick before.
+    sums : (18,), or (18, lane). Integrals over a window.
+    increments : (n, 6), or (n, 6, lane). Compensated increments of a window.
+    algorithm : Algorithm at the rate of the IMU.
+    """
+
+    nav: Floats
+    previous: Floats
+    sums: Floats
+    increments: Floats
+    algorithm: Strapdown
+
+
+class _Transition(NamedTuple):
+    """Transition matrix of the filter over a window, by blocks as in `kernels.transition`.
+
+    blocks : (n_block, 9). Scratch.
+    kinds : (n_block,). Kind of each block.
+    drivers : (n_block,). Quantity that the parameter of the block multiplies.
+    rows : (n_block,). First row.
+    columns : (n_block,). First column.
+    clock : State of the clock bias; -1 without.
+    """
+
+    blocks: Floats
+    kinds: Ints
+    drivers: Ints
+    rows: Ints
+    columns: Ints
+    clock: int
 
 
 def _ticks(prepared_case: PreparedCase) -> tuple[int, int]:
@@ -54,21 +104,27 @@ def _decay(prepared_case: PreparedCase, n_tick: int) -> Floats:
 def covariance_steps(prepared_case: PreparedCase, end: float) -> Windows:
     """Return the covariance steps from the start of the flight to a time (s)."""
     _, step = _ticks(prepared_case)
-    decay = _decay(prepared_case, step)
     last = tick_at(prepared_case, end) - step
-    return [(first, step, decay) for first in range(0, last + 1, step)]
+    return _steps(prepared_case, 0, last)
 
 
 def update_windows(prepared_case: PreparedCase, start: int) -> Windows:
-    """Return (first tick, ticks, decay of every state) of the covariance steps of one update interval."""
+    """Return the covariance steps of one update interval from a tick on."""
     interval, step = _ticks(prepared_case)
-    decay = _decay(prepared_case, step)
     last = start + interval - step
-    return [(first, step, decay) for first in range(start, last + 1, step)]
+    return _steps(prepared_case, start, last)
+
+
+def _steps(prepared_case: PreparedCase, start: int, last: int) -> Windows:
+    """Return the covariance steps that start at a tick and later, up to the tick `last`."""
+    _, step = _ticks(prepared_case)
+    first = np.arange(start, last + 1, step)
+    decay = _decay(prepared_case, step)
+    return Windows(first, np.full_like(first, step), np.tile(decay, (first.size, 1)))
 
 
 def gap_pieces(prepared_case: PreparedCase, begin: float, end: float) -> Windows:
-    """Return the windows of a gap as `update_windows` does, in at most `_PIECES` pieces of whole covariance steps."""
+    """Return the windows of a gap, at most `_PIECES` pieces of whole covariance steps."""
     _, step = _ticks(prepared_case)
     first = tick_at(prepared_case, begin)
     last_tick = prepared_case.reference.t.size - 1
@@ -76,18 +132,47 @@ def gap_pieces(prepared_case: PreparedCase, begin: float, end: float) -> Windows
     n_step = max(1, (last - first) // step)
     n_in_piece = -(-n_step // _PIECES)  # rounded up
     decay = _decay(prepared_case, step)
-    pieces = []
-    for k in range(0, n_step, n_in_piece):
-        n = min(n_in_piece, n_step - k)
-        first_of_piece = first + step * k
-        pieces.append((first_of_piece, step * n, decay**n))
-    return pieces
+    first_steps = np.arange(0, n_step, n_in_piece)
+    step_counts = np.minimum(n_in_piece, n_step - first_steps)
+    piece_decay = np.array([decay ** int(n) for n in step_counts])
+    return Windows(first + step * first_steps, step * step_counts, piece_decay)
+
+
+@jit
+def _integrate_groups(strapdown, errors, inputs, windows):
+    """Integrate estimates over the windows, a group at a time.
+
+    Parameters
+    ----------
+    strapdown : _Strapdown of groups, updated in place
+    errors : (n_group, n_state, lane) SI, initial errors of the estimates; those of parameters decay in place
+    inputs, windows : ImuInputs, Windows
+    """
+    sums = group_view(strapdown.sums)
+    increments = group_view(strapdown.increments)
+    for g in range(errors.shape[0]):
+        nav = group(strapdown.nav, g)
+        previous = group(strapdown.previous, g)
+        d = group(errors, g)
+        for w in range(windows.first.shape[0]):
+            n_tick = windows.n_tick[w]
+            compensate(increments, inputs, d, windows.first[w], n_tick)
+            integrate(nav, sums, previous, increments, n_tick, inputs.dt, strapdown.algorithm, False)
+            for i in range(d.shape[0]):
+                d[i] *= windows.decay[w, i]
+
+
+def _lanes(values: Floats) -> Floats:
+    """Return values (n, m) of estimates as lanes, (n / GROUP, m, GROUP)."""
+    n, m = values.shape
+    n_group = n // GROUP
+    groups = grouped_zeros((n_group, m))
+    groups[:] = values.reshape(n_group, GROUP, m).transpose(0, 2, 1)
+    return groups
 
 
 def strapdown_errors(prepared_case: PreparedCase, start: int, errors: Floats, windows: Windows) -> Floats:
     """Return the navigation errors (n, 9) SI at the end of the windows, by the strapdown.
-
-    The error-free flight and the drivers of IMU parameters are computed once.
 
     Parameters
     ----------
@@ -98,37 +183,69 @@ def strapdown_errors(prepared_case: PreparedCase, start: int, errors: Floats, wi
     errors
         (n, n_state) SI. Initial errors.
     windows
-        First tick, number of ticks and decay factors (n_state,) of each window.
+        Windows from this tick on.
     """
-    sums = np.zeros(N_SUM)
-    algorithm = full_rate(prepared_case.model.strapdown.gravity)
-    dt = prepared_case.unit.dt
-    legs = [(inputs(prepared_case, first, n_tick), n_tick, decay) for first, n_tick, decay in windows]
+    n_error, n_state = errors.shape
+    n_group = n_error // GROUP + 1  # at least one lane is left for the flight without error
+    estimate_errors = np.zeros((n_group * GROUP, n_state))
+    estimate_errors[:n_error] = errors
+    initial_nav = np.array([navigation_at(prepared_case, start, d) for d in estimate_errors])
+    no_error = np.zeros(n_state)
     tick_before = max(0, start - 1)
-    increments_before = inputs(prepared_case, tick_before, 1).true[0]
+    increments_before = increments(prepared_case, tick_before, 1, no_error)
+    strapdown = _Strapdown(
+        nav=_lanes(initial_nav),
+        previous=_lanes(np.tile(increments_before, (len(initial_nav), 1))),
+        sums=grouped_zeros((N_SUM,)),
+        increments=grouped_zeros((windows.n_tick.max(), 6)),
+        algorithm=full_rate(prepared_case.model.strapdown.gravity),
+    )
+    _integrate_groups(strapdown, _lanes(estimate_errors), imu_inputs(prepared_case), windows)
+    final_nav = strapdown.nav.transpose(0, 2, 1).reshape(initial_nav.shape)
     attitude = slice(Q, Q + 4)
     velocity = slice(V, V + 3)
     position = slice(R, R + 3)
-
-    def integrate(d: Floats) -> Floats:
-        nav = navigation_at(prepared_case, start, d)
-        previous = increments_before.copy()
-        parameters = d
-        for ticks, n_tick, decay in legs:
-            compensated_increments = compensate_increments(ticks, parameters)
-            mechanise(nav, sums, previous, compensated_increments, n_tick, dt, algorithm, 0.0)
-            parameters = decay * parameters
-        return nav
-
-    no_error = np.zeros(errors.shape[1])
-    exact = integrate(no_error)
-    results = np.empty((len(errors), 9))
-    for result, d in zip(results, errors, strict=True):
-        nav = integrate(d)
+    exact = final_nav[-1]
+    results = np.empty((n_error, 9))
+    for result, nav in zip(results, final_nav[:n_error], strict=True):
         result[ATT : ATT + 3] = small_rotation(*exact[attitude], *nav[attitude])
         result[VEL : VEL + 3] = exact[velocity] - nav[velocity]
         result[POS : POS + 3] = exact[position] - nav[position]
     return results
+
+
+@jit
+def _propagate_linearly(results, window_counts, errors, no_error, strapdown, transition, inputs, windows):
+    """Propagate errors by the filter's transition, linearised at the true flight.
+
+    Parameters
+    ----------
+    results : (n_count, n, n_state) set to the errors after some windows
+    window_counts : (n_count,) numbers of these windows; results of the count 0 are not set
+    errors : (n, n_state) SI, initial errors, updated in place
+    no_error : (n_state,) zeros
+    strapdown : _Strapdown of the true flight, updated in place
+    transition : _Transition
+    inputs, windows : ImuInputs, Windows
+    """
+    nav = strapdown.nav
+    sums = strapdown.sums
+    increments = strapdown.increments
+    blocks = transition.blocks
+    for w in range(windows.first.shape[0]):
+        n_tick = windows.n_tick[w]
+        seconds = n_tick * inputs.dt
+        compensate(increments, inputs, no_error, windows.first[w], n_tick)
+        integrate(nav, sums, strapdown.previous, increments, n_tick, inputs.dt, strapdown.algorithm, False)
+        fill(blocks, transition.kinds, transition.drivers, sums, nav[R], nav[R + 1], nav[R + 2], seconds)
+        for k in range(errors.shape[0]):
+            decay = windows.decay[w]
+            apply_phi(errors[k], blocks, transition.rows, transition.columns, decay, transition.clock, seconds)
+        for c in range(window_counts.shape[0]):
+            if window_counts[c] == w + 1:
+                for k in range(errors.shape[0]):
+                    for i in range(errors.shape[1]):
+                        results[c, k, i] = errors[k, i]
 
 
 def linear_errors(prepared_case: PreparedCase, start: int, directions: Floats, windows: Windows) -> Floats:
@@ -143,25 +260,49 @@ def linear_errors(prepared_case: PreparedCase, start: int, directions: Floats, w
     directions
         (n, n_state) SI. Initial errors.
     windows
-        First tick, number of ticks and decay factors (n_state,) of each window.
+        Windows from this tick on.
+    """
+    window_counts = np.array([windows.first.size])
+    return linear_error_history(prepared_case, start, directions, windows, window_counts)[0]
+
+
+def linear_error_history(
+    prepared_case: PreparedCase, start: int, directions: Floats, windows: Windows, window_counts: Ints
+) -> Floats:
+    """Return the errors (n_count, n, n_state) SI after some numbers of windows, by the filter's transition.
+
+    Parameters
+    ----------
+    prepared_case
+        Prepared case.
+    start
+        Tick at which the windows start.
+    directions
+        (n, n_state) SI. Initial errors.
+    windows
+        Windows from this tick on.
+    window_counts
+        (n_count,). Numbers of windows.
     """
     model = prepared_case.model
-    dt = prepared_case.unit.dt
-    rows = model.block_rows
-    columns = model.block_columns
     no_error = np.zeros(directions.shape[1])
-    nav = navigation_at(prepared_case, start, no_error)
-    sums = np.zeros(N_SUM)
-    previous = np.zeros(6)
+    strapdown = _Strapdown(
+        nav=navigation_at(prepared_case, start, no_error),
+        previous=np.zeros(6),
+        sums=np.zeros(N_SUM),
+        increments=np.zeros((windows.n_tick.max(initial=0), 6)),
+        algorithm=full_rate(model.strapdown.gravity),
+    )
+    transition = _Transition(
+        blocks=np.zeros((model.block_rows.size, 9)),
+        kinds=model.block_kinds,
+        drivers=model.block_drivers,
+        rows=model.block_rows,
+        columns=model.block_columns,
+        clock=model.clock,
+    )
+    results = np.repeat(directions[None], window_counts.size, axis=0)
     errors = directions.copy()
-    blocks = np.zeros((rows.size, 9))
-    algorithm = full_rate(model.strapdown.gravity)
-    for first, n_tick, decay in windows:
-        true_increments = increments(prepared_case, first, n_tick, no_error)
-        mechanise(nav, sums, previous, true_increments, n_tick, dt, algorithm, 0.0)
-        seconds = n_tick * dt
-        x, y, z = nav[R : R + 3]
-        transition.fill(blocks, model.block_kinds, model.block_drivers, sums, x, y, z, seconds)
-        for error in errors:
-            apply_phi(error, blocks, rows, columns, decay, model.clock, seconds)
-    return errors
+    inputs = imu_inputs(prepared_case)
+    _propagate_linearly(results, window_counts, errors, no_error, strapdown, transition, inputs, windows)
+    return results
