@@ -76,8 +76,10 @@ def test_a_report_is_kept_without_its_html(page, kept):
     assert (kept.parent / "budget.csv").read_bytes() == (page.parent / "budget.csv").read_bytes()
 
 
-def test_a_report_that_is_kept_again_replaces_what_it_wrote_and_nothing_else(page, kept):
+def test_a_report_that_is_kept_again_replaces_what_it_wrote_and_nothing_else(page, kept, monkeypatch):
     twin, kept = kept.read_bytes(), kept.parent
+    drawn = {f"figures/{file.name}": file.read_bytes() for file in (kept / "figures").iterdir()}
+    monkeypatch.setattr(importlib.import_module("lvnav_trade.report.build"), "pictures", lambda sections: drawn)
     own = {"figures/mine.png": b"a photo", "mine.csv": b"a,b\n", "notes.md": b"mine"}
     for name, content in own.items():
         (kept / name).write_bytes(content)
@@ -89,6 +91,7 @@ def test_a_report_that_is_kept_again_replaces_what_it_wrote_and_nothing_else(pag
     keep(page.parent, kept)
     assert {name: (kept / name).read_bytes() for name in own} == own
     assert not (kept / "figures/of-an-earlier-report.png").exists()
+    assert {f"figures/{file.name}" for file in (kept / "figures").iterdir()} == {*drawn, "figures/mine.png"}
     assert (kept / "report.md").read_bytes() == twin
     for name in own:
         (kept / name).unlink()

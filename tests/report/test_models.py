@@ -224,18 +224,18 @@ OF_TESTS = (
 
 
 def scenarios() -> Iterator[Any]:
-    """Yield scenarios of the tests, of the combination matrix, and of the shipped campaigns."""
+    """Yield scenarios of the tests, of the shipped campaigns, and of the combination matrix, which has most."""
     for changes in OF_TESTS:
         yield with_fields(loaded(), **changes)
-    for case in covering():
-        if not refusal(case):
-            yield scenario_of(case)[0]
     for path in sorted((ROOT / "campaigns").rglob("*.yaml")):
         if path.name != "study.yaml" and not {"configs", "statements"} & set(path.parts):
             campaign = load(path)
             few = campaign if campaign.samples is None else load(path, ["samples=20"])  # of 10,000 designs
             for case in cases(few):
                 yield case.scenario
+    for case in covering():
+        if not refusal(case):
+            yield scenario_of(case)[0]
 
 
 @cache

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import re
+from functools import cache
 from pathlib import Path
 
 import jinja2
@@ -19,17 +20,19 @@ ALONE = "By linear covariance, without a demonstration by runs: "
 VERDICT = {"whole": 6, "requirements": 1, "evidence": "", "others": [], "by_covariance": False}
 
 
-def trees() -> list[ast.AST]:
-    return [ast.parse(file.read_text(encoding="utf-8")) for file in PACKAGE.rglob("*.py")]
+@cache
+def nodes() -> tuple[list[ast.Call], list[ast.BinOp]]:
+    """Return the calls and the products of the package."""
+    trees = [ast.parse(file.read_text(encoding="utf-8")) for file in PACKAGE.rglob("*.py")]
+    found = [node for tree in trees for node in ast.walk(tree)]
+    calls = [node for node in found if isinstance(node, ast.Call)]
+    products = [node for node in found if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Mult)]
+    return calls, products
 
 
 def test_each_sentence_of_the_template_is_said_and_no_other() -> None:
-    said = {
-        node.args[0].value
-        for tree in trees()
-        for node in ast.walk(tree)
-        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "say"
-    }
+    calls, _ = nodes()
+    said = {node.args[0].value for node in calls if isinstance(node.func, ast.Name) and node.func.id == "say"}
     assert said == NAMED - WITHIN
 
 
@@ -38,12 +41,8 @@ def test_no_text_is_made_by_multiplication() -> None:
         text = node.value if isinstance(node, ast.Constant) else ""
         return isinstance(node, ast.JoinedStr) or (isinstance(text, str) and any(one.isalpha() for one in text))
 
-    found = [
-        ast.unparse(node)
-        for tree in trees()
-        for node in ast.walk(tree)
-        if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Mult) and (is_text(node.left) or is_text(node.right))
-    ]
+    _, products = nodes()
+    found = [ast.unparse(node) for node in products if is_text(node.left) or is_text(node.right)]
     assert found == []
 
 

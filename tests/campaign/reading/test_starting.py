@@ -62,11 +62,16 @@ def test_a_file_that_is_not_there_is_said(tmp_path: Path) -> None:
         start(tmp_path, tmp_path / "none.csv")
 
 
+def _plain() -> pd.DataFrame:
+    """Rows of the example without its attitude, which takes long to compare."""
+    return pd.read_csv(EXAMPLE, comment="#").iloc[:, :7]
+
+
 @pytest.mark.parametrize("title", ["tow", "Zeit"])
 def test_a_time_of_week_is_known_or_named_and_lift_off_is_where_the_vehicle_leaves_the_ground(
     tmp_path: Path, title: str
 ) -> None:
-    rows = pd.read_csv(EXAMPLE, comment="#")
+    rows = _plain()
     rows = rows.assign(time_s=rows.time_s + 124_218.0).rename(columns={"time_s": title})
     rows.to_csv(tmp_path / "flight.csv", index=False)
     found = start(tmp_path / "new", tmp_path / "flight.csv", EPOCH, None if title == "tow" else title)
@@ -76,11 +81,6 @@ def test_a_time_of_week_is_known_or_named_and_lift_off_is_where_the_vehicle_leav
     assert float(found.events["stage1_cutoff"].removesuffix(" s")) == pytest.approx(150.49, abs=0.5)  # from lift-off
     assert '"liftoff": 124218' in found.card.read_text(encoding="utf-8")
     assert api.check(found.campaign)
-
-
-def _plain() -> pd.DataFrame:
-    """Rows of the example without its attitude, which takes long to compare."""
-    return pd.read_csv(EXAMPLE, comment="#").iloc[:, :7]
 
 
 def test_columns_that_no_part_takes_are_named_in_the_card(tmp_path: Path) -> None:

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import json
+import multiprocessing
 import os
 import platform
 import shutil
 import signal
 import subprocess
 import sys
+import time
+from multiprocessing.synchronize import Event
 from pathlib import Path
 
 import pytest
@@ -16,13 +20,19 @@ from filelock import FileLock
 from lvnav_trade.campaign.running.status import folder_lock, holder
 from lvnav_trade.quantities.errors import InputError
 
-HOLD = """\
-import sys, time
+REFUSED = """\
+import json, sys
 from pathlib import Path
 from lvnav_trade.campaign.running.status import folder_lock
-with folder_lock(Path(sys.argv[1])):
-    print("held", flush=True)
-    time.sleep(600)
+from lvnav_trade.quantities.errors import InputError
+refused = {}
+for folder in sys.argv[1:]:
+    try:
+        with folder_lock(Path(folder)):
+            pass
+    except InputError as error:
+        refused[folder] = str(error)
+print(json.dumps(refused))
 """
 ROOT = Path(__file__).resolve().parents[3]
 
@@ -65,18 +75,24 @@ def test_the_lock_is_given_back_even_after_an_error(tmp_path: Path) -> None:
             raise ZeroDivisionError
 
 
+def hold(folder: Path, held: Event) -> None:
+    """Lock a folder until this process is killed."""
+    with folder_lock(folder):
+        held.set()
+        time.sleep(600)
+
+
 def test_a_process_that_is_killed_leaves_no_lock(tmp_path: Path) -> None:
-    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
-    process = subprocess.Popen(
-        [sys.executable, "-c", HOLD, str(tmp_path)], stdout=subprocess.PIPE, text=True, env=environment
-    )
-    assert process.stdout is not None
-    assert process.stdout.readline() == "held\n"
-    with pytest.raises(InputError, match=r"process .* is working"), folder_lock(tmp_path):
+    forks = multiprocessing.get_context("fork")  # which has imported everything
+    held = forks.Event()
+    process = forks.Process(target=hold, args=(tmp_path, held))
+    process.start()
+    assert held.wait(60)
+    with pytest.raises(InputError, match=rf"process {process.pid} .* is working"), folder_lock(tmp_path):
         pass
-    process.send_signal(signal.SIGKILL)
-    process.wait(600)
-    process.stdout.close()
+    process.kill()
+    process.join(600)
+    assert process.exitcode == -signal.SIGKILL
     with folder_lock(tmp_path):
         pass
 
@@ -86,19 +102,26 @@ def test_a_folder_that_is_not_there_is_made(tmp_path: Path) -> None:
         assert (tmp_path / "a" / "b").is_dir()
 
 
-@pytest.mark.parametrize("folder", ["results", "results/deeper"])
-def test_a_folder_that_cannot_be_written_is_refused(tmp_path: Path, folder: str) -> None:
-    (tmp_path / "results").mkdir(mode=0o500)
+@pytest.fixture(scope="module")
+def refusals(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
+    """Return what is said of a folder that cannot be written, and of one in it, by a process without more rights."""
+    place = tmp_path_factory.mktemp("closed")
+    (place / "results").mkdir(mode=0o500)
     drop = []
     if os.geteuid() == 0:  # root may write anywhere, unless it drops that right
         if shutil.which("setpriv") is None:
             pytest.skip("root may write anywhere")
         drop = ["setpriv", "--bounding-set=-dac_override,-dac_read_search"]
-    command = [*drop, sys.executable, "-c", HOLD, folder]
+    command = [*drop, sys.executable, "-c", REFUSED, "results", "results/deeper"]
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
-    found = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False)
-    assert found.returncode == 1
-    assert found.stderr.splitlines()[-1].endswith(f"InputError: {folder}: cannot be written: Permission denied")
+    found = subprocess.run(command, cwd=place, env=environment, capture_output=True, text=True, check=True)
+    refused: dict[str, str] = json.loads(found.stdout)
+    return refused
+
+
+@pytest.mark.parametrize("folder", ["results", "results/deeper"])
+def test_a_folder_that_cannot_be_written_is_refused(refusals: dict[str, str], folder: str) -> None:
+    assert refusals[folder] == f"{folder}: cannot be written: Permission denied"
 
 
 def test_a_file_in_place_of_the_folder_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
