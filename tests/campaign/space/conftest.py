@@ -31,6 +31,12 @@ requirements:
 """
 
 
+@pytest.fixture(scope="session")
+def text() -> str:
+    """Return the text of the campaign."""
+    return TEXT
+
+
 @pytest.fixture
 def written(tmp_path: Path) -> Path:
     path = tmp_path / "many.yaml"

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import pytest
 
 import lvnav_trade
@@ -21,38 +23,64 @@ def parts_of_five(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(stage, "PART", 5)
 
 
-def test_every_design_has_a_row_and_the_best_is_whole(written, tmp_path, parts_of_five) -> None:
-    found = lvnav_trade.run(written, SETS, tmp_path / "out", jobs=1)
-    rows = found.cases
+_ROWS: dict[tuple[Any, ...], evaluated.EvaluatedDesigns] = {}
+
+
+def evaluate_once(question: evaluated.EvaluationRequest, part: Any) -> evaluated.EvaluatedDesigns:
+    """Return the rows of a part of the campaign's designs; those of an earlier test are not evaluated again."""
+    key = (repr(question), tuple(part.numbers))
+    if key not in _ROWS:
+        _ROWS[key] = evaluated.evaluate(question, part)
+    return _ROWS[key]
+
+
+@pytest.fixture
+def known_parts(parts_of_five, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Take the rows of parts that an earlier test evaluated."""
+    monkeypatch.setattr(stage, "evaluate", evaluate_once)
+
+
+@pytest.fixture(scope="module")
+def whole(text: str, tmp_path_factory: pytest.TempPathFactory) -> api.Results:
+    """Return the results of the campaign, evaluated in parts of five, with a report."""
+    folder = tmp_path_factory.mktemp("whole")
+    (folder / "many.yaml").write_text(text)
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(stage, "PART", 5)
+        patched.setattr(stage, "evaluate", evaluate_once)
+        return lvnav_trade.run(folder / "many.yaml", SETS, folder / "out", jobs=1)
+
+
+def test_every_design_has_a_row_and_the_best_is_whole(whole) -> None:
+    rows = whole.cases
     assert list(rows.design_number) == list(range(12))
-    assert len(found.tables.labels) == 1
-    (whole,) = found.tables.labels
+    assert len(whole.tables.labels) == 1
+    (case,) = whole.tables.labels
     best = rows.loc[rows.error_ratio.idxmin()]
-    assert whole == best.case
-    assert found.tables.manifest["space"]["designs"] == 12
-    page = (tmp_path / "out/report.html").read_text()
+    assert case == best.case
+    assert whole.tables.manifest["space"]["designs"] == 12
+    page = (whole.folder / "report.html").read_text()
     assert "All designs" in page
-    assert not (tmp_path / "out/.scratch").exists()
+    assert not (whole.folder / ".scratch").exists()
 
 
-def test_the_row_of_a_design_agrees_with_its_full_analysis(written, tmp_path) -> None:
+def test_the_row_of_a_design_agrees_with_its_full_analysis(whole) -> None:
     """Covariance steps are cut at history times, of which a row has few: the numbers agree to a thousandth."""
-    found = lvnav_trade.run(written, SETS, tmp_path / "out", jobs=1, report=False)
-    (case,) = found.tables.labels
-    row = found.cases.set_index("case").loc[case]
-    (ranked,) = found.ranking.itertuples()
+    (case,) = whole.tables.labels
+    row = whole.cases.set_index("case").loc[case]
+    (ranked,) = whole.ranking.itertuples()
     assert row.velocity_m_per_s == pytest.approx(ranked.velocity, rel=1e-3)
     assert row.position_m == pytest.approx(ranked.position, rel=1e-3)
 
 
 def test_parts_that_are_stored_are_not_evaluated_again(written, tmp_path, monkeypatch, parts_of_five) -> None:
-    real, calls = evaluated.evaluate, []
+    calls = []
 
     def failing(question, part):
         calls.append(part.numbers)
         if len(calls) == 3:
             raise KeyboardInterrupt
-        return real(question, part)
+        return evaluate_once(question, part)
 
     monkeypatch.setattr(stage, "evaluate", failing)
     with pytest.raises(KeyboardInterrupt):
@@ -62,13 +90,13 @@ def test_parts_that_are_stored_are_not_evaluated_again(written, tmp_path, monkey
 
 
 def test_parts_of_other_requirements_are_evaluated_again(written, tmp_path, monkeypatch, parts_of_five) -> None:
-    real, calls = evaluated.evaluate, []
+    calls = []
 
     def failing(question, part):
         calls.append(part.numbers)
         if len(calls) == 2:
             raise KeyboardInterrupt
-        return real(question, part)
+        return evaluate_once(question, part)
 
     monkeypatch.setattr(stage, "evaluate", failing)
     with pytest.raises(KeyboardInterrupt):
@@ -82,7 +110,7 @@ def test_parts_of_other_requirements_are_evaluated_again(written, tmp_path, monk
 
 
 def test_more_runs_and_runs_of_others_do_not_evaluate_the_designs_again(
-    written, tmp_path, monkeypatch, parts_of_five
+    written, tmp_path, monkeypatch, known_parts
 ) -> None:
     few, more = ([*SETS, f"monte_carlo={{runs: {8 * n}, most_cases: {n}, block: 8}}"] for n in (1, 2))
     first = lvnav_trade.run(written, few, tmp_path / "out", jobs=1, report=False)
@@ -101,7 +129,9 @@ def test_more_runs_and_runs_of_others_do_not_evaluate_the_designs_again(
     assert about == {**before, "whole": about["whole"]}
 
 
-def test_a_finished_space_keeps_no_blocks_and_its_status_counts_the_runs_of_its_tables(written, tmp_path) -> None:
+def test_a_finished_space_keeps_no_blocks_and_its_status_counts_the_runs_of_its_tables(
+    written, tmp_path, known_parts
+) -> None:
     sets = [*SETS, "monte_carlo={runs: 16, most_cases: 1, block: 8}"]
     found = lvnav_trade.run(written, sets, tmp_path / "out", jobs=1, report=False)
     assert not list((tmp_path / "out").rglob("parts/*"))
@@ -146,8 +176,7 @@ def test_work_items_are_counted(written) -> None:
     assert stage.SpaceEvaluation(load(written, ["samples=201"])).item_count == 3
 
 
-def test_shards_put_together_have_the_same_bytes(written, tmp_path, parts_of_five) -> None:
-    whole = lvnav_trade.run(written, SETS, tmp_path / "whole", jobs=1, report=False)
+def test_shards_put_together_have_the_same_bytes(written, tmp_path, parts_of_five, whole) -> None:
     shares = [api.run_shard(written, f"{number}/2", SETS, tmp_path / "shared", jobs=1) for number in (1, 2)]
     assert sum(one.cases for one in shares) == 12
     merged = api.merge(tmp_path / "shared", jobs=1, report=False)
