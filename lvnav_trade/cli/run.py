@@ -295,7 +295,9 @@ def cards(
     try:
         selected_cards = api.cards(name or "")
     except InputError:  # no folder of this name
-        text = api.card_text(name or "")
+        if name is None:
+            raise
+        text = api.card_text(name)
         return VerbResult(text.removesuffix("\n"), {"name": name, "text": text})
     content = {"cards": [card._asdict() for card in selected_cards]}
     if not long:

@@ -116,10 +116,10 @@ def test_what_the_system_refuses_to_a_verb_is_no_internal_error(events, monkeypa
 
 @pytest.mark.skipif(not Path("/dev/full").is_char_device(), reason="no device that is always full")
 @pytest.mark.parametrize("more", [(), ("--json",), ("imu/tactical_fog",)])
-def test_output_to_a_full_disk_is_one_line_and_exit_code_four(more: tuple[str, ...]) -> None:
+def test_output_to_a_full_disk_is_one_line_and_exit_code_four(more: tuple[str, ...], tmp_path: Path) -> None:
     with Path("/dev/full").open("w") as full:
         command = [sys.executable, "-m", "lvnav_trade", "cards", *more]
-        found = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, check=False)
+        found = subprocess.run(command, cwd=tmp_path, stdout=full, stderr=subprocess.PIPE, text=True, check=False)
     reported = "standard output: No space left on device; not all of it was written\n"
     assert (found.returncode, found.stderr) == (4, reported)
 

@@ -3,9 +3,22 @@
 from __future__ import annotations
 
 import json
+from functools import cache
 from pathlib import Path
 
+import pytest
+
+from lvnav_trade.campaign.syntax import card_lookup
 from tests.cli.calling import call
+
+_catalogue = cache(card_lookup.catalogue)
+
+
+@pytest.fixture
+def read_once(monkeypatch: pytest.MonkeyPatch, tmp_path_factory: pytest.TempPathFactory) -> None:
+    """Work in an empty folder, the same for all tests, in which the cards of the tool are read once."""
+    monkeypatch.chdir(tmp_path_factory.getbasetemp())
+    monkeypatch.setattr(card_lookup, "catalogue", _catalogue)
 
 
 def test_the_schema_knows_cards_and_every_key() -> None:
@@ -17,7 +30,7 @@ def test_the_schema_knows_cards_and_every_key() -> None:
     assert "card" in imu[1]["properties"]
 
 
-def test_the_cards_are_listed_and_shown_with_their_sources(events: dict[str, float]) -> None:
+def test_the_cards_are_listed_and_shown_with_their_sources(read_once: None) -> None:
     listed = call("cards").stdout
     assert "imu/tactical_fog" in listed
     assert "Trigo and Theil" not in listed
@@ -47,7 +60,7 @@ def test_fields_are_listed_with_default_and_what_they_take() -> None:
     assert call("fields", "receiver.clok").exit_code == 2
 
 
-def test_the_cards_of_a_folder_are_listed() -> None:
+def test_the_cards_of_a_folder_are_listed(read_once: None) -> None:
     shown = call("cards", "constellations").output.splitlines()
     assert all(line.startswith("constellations/") for line in shown[1:])
     assert call("cards", "constellations/").output.splitlines() == shown

@@ -79,7 +79,7 @@ def test_a_foreign_place_is_refused_before_anything_is_computed(store, tmp_path,
 def test_a_campaign_is_copied_when_it_is_done(store, tmp_path):
     few = ("monte_carlo.runs=8", "covariance.spot_check=0")
     command = ["run", "smoke", "--set", few[0], "--set", few[1], "--out", str(tmp_path / "out"), "--quiet"]
-    done = call(*command, "--copy-to", store)
+    done = call(*command, "--jobs", "1", "--copy-to", store)
     assert done.exit_code in (0, 1, 3), done.output
     assert the_same(tmp_path / "out", remote.fetch_results(store))
     refused = call("run", "smoke", "--shard", "1/2", "--copy-to", store)
