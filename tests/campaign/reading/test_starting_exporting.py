@@ -23,6 +23,7 @@ base:
 axes:
   - {path: trajectory, cards: [trajectories/two_stage_leo, out]}
 monte_carlo: {runs: 8}
+covariance: {budget: false, adjoint: false, observability: false, nonlinearity: false, spot_check: 0}
 report: {sections: []}
 """
 

@@ -23,7 +23,7 @@ base:
   initial: {{tilt: "0.1 deg", heading: "0.05 deg", position: "1 m", velocity: "0.01 m/s"}}
   faults: {faults}
 axes: {axes}
-covariance: {{budget: false, adjoint: false, observability: false, spot_check: {runs}}}
+covariance: {{budget: false, adjoint: false, observability: false, nonlinearity: false, spot_check: {runs}}}
 requirements:
   - {{name: position, metric: position_error_3d, at: fairing_separation, probability: 0.95, below: "100 m"}}
 """
