@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import json
-import os
 import subprocess
 import sys
 
@@ -58,16 +57,42 @@ def test_figures_whose_worker_dies_are_drawn_by_this_process(caplog) -> None:
     assert caplog.messages == ["a worker process died (out of memory?); the figures are drawn one by one"]
 
 
-@pytest.mark.parametrize("name", ["module://matplotlib_inline.backend_inline", "module://none.at_all", "none"])
-def test_figures_need_no_backend_that_a_notebook_names(name: str) -> None:
+BACKENDS = ("module://matplotlib_inline.backend_inline", "module://none.at_all", "none")
+DRAW = """\
+import os, sys
+from multiprocessing import get_context
+from lvnav_trade.report.figures.figure import panel
+
+assert "matplotlib" not in sys.modules  # which each process imports for itself
+
+def draw(backend):
+    os.environ["MPLBACKEND"] = backend
+    try:
+        from lvnav_trade.report.figures.raster import figure_bytes
+        figure, axes = panel(2.0)
+        axes.plot([0.0, 1.0], [1.0, 2.0])
+        return figure_bytes(figure, "png")[1:4].decode()
+    except Exception as error:
+        return type(error).__name__
+
+with get_context("fork").Pool(1, maxtasksperchild=1) as processes:
+    print(*processes.imap(draw, sys.argv[1:], chunksize=1))
+"""
+
+
+@pytest.fixture(scope="module")
+def drawn() -> tuple[dict[str, str], str]:
+    """Return what a figure begins with by the backend that is named, and what is written to standard error."""
+    command = [sys.executable, "-c", DRAW, *BACKENDS]
+    found = subprocess.run(command, capture_output=True, text=True, check=True, timeout=600)
+    return dict(zip(BACKENDS, found.stdout.split(), strict=True)), found.stderr
+
+
+@pytest.mark.parametrize("name", BACKENDS)
+def test_figures_need_no_backend_that_a_notebook_names(name: str, drawn: tuple[dict[str, str], str]) -> None:
     """As `!lvnav-trade ...` in a notebook runs it: the variable names a package of another installation."""
-    code = "from lvnav_trade.report.figures.raster import figure_bytes\n"
-    code += "from lvnav_trade.report.figures.figure import panel\n"
-    code += "figure, axes = panel(2.0); axes.plot([0.0, 1.0], [1.0, 2.0])\n"
-    code += "print(figure_bytes(figure, 'png')[1:4].decode())"
-    environment = {**os.environ, "MPLBACKEND": name}
-    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=environment, check=False)
-    assert (found.stdout, found.stderr) == ("PNG\n", "")
+    begins, reported = drawn
+    assert (begins[name], reported) == ("PNG", "")
 
 
 def test_files_of_workers_are_those_of_one_process():
