@@ -196,12 +196,12 @@ def lever_partials(lines: Sight, C_b_i: Floats, w_ib_b: Floats) -> Floats:
 
 
 def ranging_rows(direction: Floats) -> Floats:
-    """Return the Jacobian (n_sat, 4) of pseudoranges by antenna position and clock bias: [-u', 1].
+    """Return the Jacobian (..., n_sat, 4) of pseudoranges by antenna position and clock bias: [-u', 1].
 
-    direction : (n_sat, 3). Unit vectors u from antenna to satellite.
+    direction : (..., n_sat, 3). Unit vectors u from antenna to satellite.
     """
-    by_clock = np.ones(len(direction))
-    return np.column_stack([-direction, by_clock])
+    by_clock = np.ones((*direction.shape[:-1], 1))
+    return np.concatenate([-direction, by_clock], axis=-1)
 
 
 def pdop(direction: Floats, is_tracked: Bools) -> Floats:

@@ -242,21 +242,23 @@ def test_no_kernel_without_counted_references_calls_one_that_makes_arrays() -> N
         ".".join(path.relative_to(root).with_suffix("").parts): ast.parse(path.read_text())
         for path in (root / "lvnav_trade").rglob("*.py")
     }
+    functions = {module: _decorated(tree) for module, tree in trees.items()}
     makers = {
         (module, name)
-        for module, tree in trees.items()
-        for name, (decorators, _) in _decorated(tree).items()
+        for module, of_module in functions.items()
+        for name, (decorators, _) in of_module.items()
         if "array_jit" in decorators
     }
     assert len(makers) > 20
+    origins = {module: _origins(tree, module) for module, tree in trees.items()}
     offences = [
         f"{module}.{name} calls {call.func.id}"
-        for module, tree in trees.items()
-        for name, (decorators, function) in _decorated(tree).items()
+        for module, of_module in functions.items()
+        for name, (decorators, function) in of_module.items()
         if decorators & {"jit", "inline_jit"}
         for call in ast.walk(function)
         if isinstance(call, ast.Call)
         and isinstance(call.func, ast.Name)
-        and _origins(tree, module).get(call.func.id) in makers
+        and origins[module].get(call.func.id) in makers
     ]
     assert offences == []

@@ -11,11 +11,12 @@ from lvnav_trade.campaign.reading.load import load
 from lvnav_trade.campaign.reading.study_card import load_study
 from tests.scripts import publication
 
+pytestmark = pytest.mark.usefixtures("_all_cases_kept")
 STUDY = publication("conae")
 FOLDER = Path(__file__).resolve().parents[2] / "campaigns" / "conae"
 SMALL = (
     "monte_carlo={runs: 8, block: 8}",
-    "covariance={budget: false, adjoint: false, observability: false}",
+    "covariance={budget: false, adjoint: false, observability: false, nonlinearity: false, spot_check: 0}",
     "keep.history=2 s",
 )
 RUNS = {

@@ -16,11 +16,12 @@ from lvnav_trade.results.evaluation.coverage import coverage
 from lvnav_trade.results.evaluation.rms import paired_levels
 from tests.scripts import publication
 
+pytestmark = pytest.mark.usefixtures("_all_cases_kept")
 STUDY = publication("gains")
 FOLDER = Path(__file__).resolve().parents[2] / "campaigns" / "gains"
 SMALL = (
     "monte_carlo={runs: 8, block: 8}",
-    "covariance={budget: false, adjoint: false, observability: false}",
+    "covariance={budget: false, adjoint: false, observability: false, nonlinearity: false, spot_check: 0}",
     "keep.history=5 s",
 )
 ORBITS = (

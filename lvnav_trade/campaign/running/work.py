@@ -274,6 +274,8 @@ def write_tables(job: Job, case: Case, runs: int) -> WorkOutcome:
         return WorkOutcome(case.id, 0, runs, error=message_of(error))
 
 
+KEPT_CASES = 2
+"""Number of prepared cases that a worker keeps, each of 10 MB and more."""
 _prepared_cases: dict[tuple[Any, str, float], tuple[Any, settings_read.EffectiveSettings | None]] = {}
 
 
@@ -284,10 +286,10 @@ def prepared_of(job: Job, case: Case) -> Any:
 
 
 def _prepared_and_settings(job: Job, case: Case) -> tuple[Any, settings_read.EffectiveSettings | None]:
-    """Return the prepared case and its effective settings; the last two cases are cached, as blocks come in order."""
+    """Return the prepared case and its effective settings; the last `KEPT_CASES` are cached, as blocks come in order."""
     key = (job.engine.prepare, case.id, job.history_step)
     if key not in _prepared_cases:
-        while len(_prepared_cases) >= 2:
+        while len(_prepared_cases) >= KEPT_CASES:
             del _prepared_cases[next(iter(_prepared_cases))]
         _prepared_cases[key] = prepared_with(job.engine, case, job.history_step)
     return _prepared_cases[key]

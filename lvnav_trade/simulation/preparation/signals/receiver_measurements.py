@@ -151,13 +151,14 @@ def _solution_shifts(line: Lines, is_tracked: Bools, errors: Floats) -> Floats:
     shift = np.zeros((len(errors), 3))
     tracked_errors = np.where(is_tracked, errors, 0.0)
     erroneous = np.any(tracked_errors != 0.0, axis=1)
-    for epoch in np.flatnonzero(erroneous):
-        selection = is_tracked[epoch]
-        if np.count_nonzero(selection) >= 4:
-            directions = line.sight.direction[epoch, selection]
-            rows = ranging_rows(directions)
-            solution, *_ = np.linalg.lstsq(rows, errors[epoch, selection])
-            shift[epoch] = solution[:3]
+    n_tracked = is_tracked.sum(axis=1)
+    for n in np.unique(n_tracked[n_tracked >= 4]):
+        epochs = np.flatnonzero(erroneous & (n_tracked == n))
+        selection = is_tracked[epochs]
+        directions = line.sight.direction[epochs][selection].reshape(epochs.size, n, 3)
+        pseudoinverse = np.linalg.pinv(ranging_rows(directions), rcond=n * np.finfo(np.float64).eps)
+        selected_errors = errors[epochs][selection].reshape(epochs.size, n, 1)
+        shift[epochs] = (pseudoinverse[:, :3] @ selected_errors)[:, :, 0]
     return shift
 
 
