@@ -12,7 +12,8 @@ import pytest
 # Rules of the one function that both engines call, in force from the second epoch on: no range rates, by the function
 # that says which rows of the receiver a filter takes; no measurement at all, by the function itself, of a filter with a
 # reference satellite and an altimeter, which the first rule does not reach.
-# Not compiled: a rule can then be put in the place of another, and four seconds of flight take as long as that.
+# Not compiled: a rule can then be put in the place of another, and four seconds of flight take as long as that. The
+# flight is short therefore, with few samples of the inertial unit.
 SCRIPT = """
 import json
 from types import FunctionType
@@ -20,10 +21,13 @@ import numpy as np
 from lvnav_trade.simulation.epoch import process
 from lvnav_trade.covariance.history import adjoint, covariance
 from lvnav_trade.simulation.montecarlo import run_block
-from tests.building import MATCHED, case, loaded, prepare_hop, with_fields
+from tests.building import MATCHED, hop, loaded, prepare_hop, with_fields
 from tests.both_engines.covering import ALTIMETER
 
-def shortened(prepared):
+BRIEF = loaded(MATCHED, "base.imu.rate=50 Hz")
+
+def shortened(scenario):
+    prepared = prepare_hop(scenario, hop(4.0, 1.0))
     last = int(np.flatnonzero(prepared.schedule.epoch == 3)[0])
     schedule = type(prepared.schedule)(*(windows[: last + 1].copy() for windows in prepared.schedule))
     return prepared._replace(schedule=schedule)
@@ -34,7 +38,7 @@ def flown(prepared, source):
     sigma = float(history.formal_sigma[4, 3])
     return [block.n_row[0, :4].tolist(), history.n_row[:4].tolist(), put_in.tolist(), sigma]
 
-prepared, found, present = shortened(case(MATCHED)), {}, process.is_present
+prepared, found, present = shortened(BRIEF), {}, process.is_present
 found["usual"] = flown(prepared, "range-rate noise")
 process.is_present = lambda delayed, model, epoch, channel: (
     present(delayed, model, epoch, channel) and (epoch == 0 or channel % 2 == 0)
@@ -47,7 +51,7 @@ def process_at_first(work, parts, case, joint, open_loop, sensors, rules, epoch)
         process_as_usual(work, parts, case, joint, open_loop, sensors, rules, epoch)
 
 changes = {"filter.measurements": ["pseudorange", "range_rate", "altitude"], "filter.clock": "differenced"}
-prepared = shortened(prepare_hop(with_fields(loaded(MATCHED), sensors={"altitude": ALTIMETER}, **changes)))
+prepared = shortened(with_fields(BRIEF, sensors={"altitude": ALTIMETER}, **changes))
 found["all usual"] = flown(prepared, "range-rate noise")
 process.process_as_usual = FunctionType(process.process_epoch.__code__, vars(process))
 process.process_epoch.__code__ = process_at_first.__code__  # whoever has imported it gets the rule
