@@ -194,11 +194,12 @@ def _inertial_velocity(log: NavigationData, t: Floats, level: Floats, rate: Floa
     velocity_sums = interpolated_increments(log, t, log.velocity_sums)
     dtheta = np.diff(angle_sums, axis=0) - rate * dt
     dvel = np.diff(velocity_sums, axis=0)
-    attitude = Rotation.from_matrix(level)
+    steps = Rotation.from_rotvec(dtheta)
+    half_steps = Rotation.from_rotvec(0.5 * steps.as_rotvec())
+    velocity_steps = half_steps.apply(dvel)
+    attitude = level
     velocity = np.zeros((len(t), 3))
-    for k, step in enumerate(Rotation.from_rotvec(dtheta)):
-        half_step = Rotation.from_rotvec(0.5 * step.as_rotvec())
-        middle = attitude * half_step
-        velocity[k + 1] = velocity[k] + middle.apply(dvel[k])
-        attitude = attitude * step
+    for k, step in enumerate(steps.as_matrix()):
+        velocity[k + 1] = velocity[k] + attitude @ velocity_steps[k]
+        attitude = attitude @ step
     return velocity
