@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import csv
+import functools
 import sys
 import time
 from collections import Counter
@@ -117,11 +118,15 @@ def scenario_of(case: Case) -> tuple[Scenario, str, bool]:
         fields["filter.extra_states"] = ["standing_attitude", *fields.get("filter.extra_states", [])]
     air = AIR if case["residual delay"] != "none" and {"filter.as_noise", "filter.extra_states"} & set(fields) else ()
     of_unit = {path: value for path, value in fields.items() if path.startswith("imu.")}
-    scenario = with_fields(loaded(*BASE, *air, *([f"base.constellation={sky}"] if sky else [])), **of_unit)
+    scenario = _base(*BASE, *air, *([f"base.constellation={sky}"] if sky else []))
+    if of_unit:
+        scenario = with_fields(scenario, **of_unit)
     if units is not None:
         scenario = with_units(scenario, units)
     return with_fields(scenario, **{path: fields[path] for path in fields if path not in of_unit}), kind, stored
 
+
+_base = functools.cache(loaded)
 
 _BELOW_LIMITS: dict[str, dict[str, Any]] = {
     "noise": {"faults": [{"kind": "degraded_noise", "factor": 1.3, "start": "20 s", "duration": "20 s"}]},
