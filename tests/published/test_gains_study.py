@@ -184,9 +184,9 @@ def test_every_cell_of_the_design_validation_has_a_verdict(tmp_path: Path) -> No
 
 
 def test_the_stored_gains_are_those_that_are_computed_again(tmp_path: Path) -> None:
-    own = FEW["scheduled_gain"]  # the first case
-    again = api.schedule_gains(FOLDER / "scheduled_gain.yaml", tmp_path / "gains.yaml", own, tolerance=0.05)
-    kept = load(FOLDER / "scheduled_gain.yaml").axes[0].values[1]["gains"]  # type: ignore[index]
+    campaign = load(FOLDER / "scheduled_gain.yaml", FEW["scheduled_gain"])  # own gains, then stored ones
+    again = api.schedule_gains(campaign, tmp_path / "gains.yaml", tolerance=0.05)
+    kept = campaign.axes[0].values[1]["gains"]  # type: ignore[index]
     assert [segment["event"] for segment in kept["segments"]] == [segment.event for segment in again.segments]
     stored = [np.array([knot["gain"] for knot in old["knots"]]) for old in kept["segments"]]
     computed = [np.array([knot.gain for knot in new.knots]) for new in again.segments]
