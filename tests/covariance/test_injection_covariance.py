@@ -58,8 +58,10 @@ def derivatives(prepared_case):
     )
 
 
-def by_navigation(prepared_case, block):
+@lru_cache(maxsize=1)
+def by_navigation():
     """Return the error (n_run, n_orbit) of vehicles of which nothing is drawn, with the navigation errors of runs."""
+    prepared_case, _, block = case()
     plan, errors = prepared_case.plan, inertial_errors_of(prepared_case, block.err)
     known = steering_times(plan, prepared_case.record.t)
     flown = [inject(plan, {}, NavigationErrors(prepared_case.record.t[known], one[known])).y for one in errors]
@@ -79,14 +81,14 @@ def test_the_injection_of_each_run_is_that_of_its_navigation_errors_to_first_ord
     errors = inertial_errors_of(prepared_case, block.err)[:, : len(found.navigation)]
     expected = np.einsum("kne,rke->rn", found.navigation, errors)[:, : len(ORBIT)]
     off = found.reference[: len(ORBIT)] - found.target
-    flown = by_navigation(prepared_case, block) - off
+    flown = by_navigation() - off
     for k in LINEAR:
         assert np.std(flown[:, k] - expected[:, k]) < 0.1 * np.std(expected[:, k]), ORBIT[k]
 
 
 def test_both_engines_agree_on_the_injection():
-    prepared_case, history, block = case()
-    law, (error, knowledge), navigation = history.injection, parts(block), by_navigation(prepared_case, block)
+    _, history, block = case()
+    law, (error, knowledge), navigation = history.injection, parts(block), by_navigation()
     assert len(error) == RUNS
     total = np.sqrt(np.einsum("snn->n", law.covariance))
     of_navigation = np.sqrt(np.einsum("snn->n", law.covariance[: law.n_navigation]))[: len(ORBIT)]

@@ -16,16 +16,19 @@ from lvnav_trade.simulation.preparation.prepare import prepare
 from lvnav_trade.simulation.run_arrays import new_work
 from tests.building import INERTIAL, LOOSE, ascent, assumed_receiver, case, hop, loaded, prepare_hop, with_fields
 
-ROOT = Path(__file__).resolve().parents[1]
+ROOT = Path(__file__).resolve().parents[2]
 
 INTERPRETED = """
 import sys
 import numpy as np
 from lvnav_trade.simulation.montecarlo import run_block
 from tests.simulation.test_flight_loop import brief
-block = run_block(brief(sys.argv[1]), 5, 2, 1)
-np.savez(sys.argv[2], err=block.err, sigma=block.sigma, nees=block.nees, nis=block.nis, z=block.innovation)
+for kind in sys.argv[2:]:
+    block = run_block(brief(kind), 5, 2, 1)
+    file = f"{sys.argv[1]}/{kind}.npz"
+    np.savez(file, err=block.err, sigma=block.sigma, nees=block.nees, nis=block.nis, z=block.innovation)
 """
+FILTERS = ("tight_extended", "loose")
 
 
 def brief(kind):
@@ -38,15 +41,21 @@ def brief(kind):
     return prepare_hop(scenario, hop(2.0, 1.0))
 
 
-@pytest.mark.parametrize("kind", ["tight_extended", "loose"])
-def test_compiled_and_interpreted_code_fly_the_same_run(kind, tmp_path):
-    file = tmp_path / "interpreted.npz"
+@pytest.fixture(scope="module")
+def interpreted(tmp_path_factory):
+    """Folder of the runs of all filters in a process whose kernels are not compiled."""
+    folder = tmp_path_factory.mktemp("interpreted")
     subprocess.run(
-        [sys.executable, "-c", INTERPRETED, kind, str(file)],
+        [sys.executable, "-c", INTERPRETED, str(folder), *FILTERS],
         check=True, cwd=ROOT, timeout=300,
         env={**os.environ, "NUMBA_DISABLE_JIT": "1", "PYTHONPATH": str(ROOT)},
     )  # fmt: skip
-    block, other = run_block(brief(kind), 5, 2, 1, uses_lanes=False), np.load(file)
+    return folder
+
+
+@pytest.mark.parametrize("kind", FILTERS)
+def test_compiled_and_interpreted_code_fly_the_same_run(kind, interpreted):
+    block, other = run_block(brief(kind), 5, 2, 1, uses_lanes=False), np.load(interpreted / f"{kind}.npz")
     # the compiler keeps the order of operations: what may differ is the last bit of a library function
     for name in ("err", "sigma"):
         off = np.abs(getattr(block, name) - other[name]) / block.sigma

@@ -286,7 +286,7 @@ def prepared_of(job: Job, case: Case) -> Any:
 
 
 def _prepared_and_settings(job: Job, case: Case) -> tuple[Any, settings_read.EffectiveSettings | None]:
-    """Return the prepared case and its effective settings; the last `KEPT_CASES` are cached, as blocks come in order."""
+    """Return the prepared case and its effective settings; the last cases are cached, as blocks come in order."""
     key = (job.engine.prepare, case.id, job.history_step)
     if key not in _prepared_cases:
         while len(_prepared_cases) >= KEPT_CASES:
