@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lvnav_trade.quantities.errors import InputError, quoted
-from lvnav_trade.quantities.input_files import decimal_or_endless, open_regular, read_text
+from lvnav_trade.quantities.input_files import decimal_or_endless, is_plain, open_regular, read_text
 from lvnav_trade.quantities.input_limits import DATA_BYTES, DATA_ROWS, FIELD_LENGTH
 from lvnav_trade.quantities.records import Floats
 from lvnav_trade.quantities.times import coarse_message, restore_time_stamps
@@ -316,11 +316,13 @@ def _text_numbers(path: str, names: list[str], delimiter: str, blanks: tuple[str
         fields = _fields(line, delimiter, place)
         if len(fields) != len(titles):
             raise InputError(f"{place}: {len(fields)} fields, the header has {len(titles)}")
-        row = []
-        for k in columns:
-            field = fields[k]
-            is_blank = k in may_be_empty and not field.strip()
-            row.append(math.nan if is_blank else _number(field, titles[k], place))
+        row = _plain_numbers(line, fields, columns)
+        if row is None:
+            row = []
+            for k in columns:
+                field = fields[k]
+                is_blank = k in may_be_empty and not field.strip()
+                row.append(math.nan if is_blank else _number(field, titles[k], place))
         rows.append(row)
         if len(rows) > DATA_ROWS:
             raise InputError(f"{place}: more than {DATA_ROWS} rows")
@@ -352,6 +354,16 @@ def _refuse_missing(place: str, names: list[str], titles: list[str]) -> None:
         count = titles.count(name)
         if count > 1:
             raise InputError(f"{place}: {count} columns have the name {name!r}; rename all but one")
+
+
+def _plain_numbers(line: str, fields: list[str], columns: list[int]) -> list[float] | None:
+    """Return the numbers in columns of a line, None if a field has to be read by itself: it is empty, or no number."""
+    if not is_plain(line):
+        return None
+    try:
+        return [float(fields[k]) for k in columns]
+    except ValueError:
+        return None
 
 
 def _number(field: str, title: str, place: str) -> float:
