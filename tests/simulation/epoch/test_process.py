@@ -13,7 +13,7 @@ import pytest
 # that says which rows of the receiver a filter takes; no measurement at all, by the function itself, of a filter with a
 # reference satellite and an altimeter, which the first rule does not reach.
 # Not compiled: a rule can then be put in the place of another, and four seconds of flight take as long as that. The
-# flight is short therefore, with few samples of the inertial unit.
+# flight is short therefore, with few samples of the inertial unit and few steps of the covariance.
 SCRIPT = """
 import json
 from types import FunctionType
@@ -24,7 +24,7 @@ from lvnav_trade.simulation.montecarlo import run_block
 from tests.building import MATCHED, hop, loaded, prepare_hop, with_fields
 from tests.both_engines.covering import ALTIMETER
 
-BRIEF = loaded(MATCHED, "base.imu.rate=50 Hz")
+BRIEF = loaded(MATCHED, "base.imu.rate=50 Hz", "base.filter.covariance_rate=2 Hz")
 
 def shortened(scenario):
     prepared = prepare_hop(scenario, hop(4.0, 1.0))
