@@ -1,11 +1,22 @@
-"""One page for all tests."""
+"""One page for all tests, and figures that are drawn in this process."""
 
 from __future__ import annotations
+
+from functools import partial
 
 import pytest
 
 from lvnav_trade.report import build, keep
+from lvnav_trade.report.figures import raster
 from tests import synthetic
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _drawn_in_this_process():
+    """Start no worker processes, each of which would import first what this process has; test_raster.py has them."""
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(raster, "files", partial(raster.files, jobs=1))
+        yield
 
 
 @pytest.fixture(scope="module")

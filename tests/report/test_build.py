@@ -98,7 +98,10 @@ def test_a_report_that_is_kept_again_replaces_what_it_wrote_and_nothing_else(pag
 
 
 def test_a_page_is_kept_without_its_tables_where_these_are_not_wanted(page, tmp_path, monkeypatch):
-    monkeypatch.setattr(importlib.import_module("lvnav_trade.report.build"), "pictures", lambda sections: {})
+    module = importlib.import_module("lvnav_trade.report.build")
+    made = make(load(page.parent))
+    monkeypatch.setattr(module, "pictures", lambda sections: {})
+    monkeypatch.setattr(module, "make", lambda tables: made)
     assert (keep(page.parent, tmp_path / "kept").parent / "rms.csv").exists()
     assert keep(page.parent, tmp_path / "kept", writes_tables=False).exists()
     assert not list((tmp_path / "kept").glob("*.csv"))
