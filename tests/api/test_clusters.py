@@ -17,6 +17,7 @@ from lvnav_trade.campaign.running.progress import Progress
 from lvnav_trade.quantities.errors import InputError
 
 SMALL = ("monte_carlo.runs=24", "monte_carlo.block=8", "covariance.spot_check=0")
+PLAIN = (*SMALL, *(f"covariance.{name}=false" for name in ("budget", "adjoint", "observability", "nonlinearity")))
 
 
 @pytest.fixture(scope="module")
@@ -46,7 +47,7 @@ def test_merged_shards_are_the_campaign_byte_for_byte(total: int, whole: Path, t
 
 def test_where_a_verdict_ends_a_case_the_runs_after_it_do_not_count(tmp_path: Path) -> None:
     requirement = "requirements=[{name: a, metric: position_error_3d, probability: 0.5, below: 1 km, confidence: 0.5}]"
-    early = (*SMALL, "monte_carlo.stop=decided", requirement)
+    early = (*PLAIN, "monte_carlo.stop=decided", requirement)
     whole = api.run("smoke", early, tmp_path / "whole", jobs=1, report=False)
     assert whole.tables.cases.run_count.tolist() == [8]
     assert clusters.run_shard("smoke", "1/2", early, tmp_path, jobs=1).runs == 8
@@ -57,7 +58,7 @@ def test_where_a_verdict_ends_a_case_the_runs_after_it_do_not_count(tmp_path: Pa
 
 def test_what_is_merged_is_not_flown_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     for number in (1, 2):
-        clusters.run_shard("smoke", f"{number}/2", SMALL, tmp_path, jobs=1)
+        clusters.run_shard("smoke", f"{number}/2", PLAIN, tmp_path, jobs=1)
 
     def refuse(*_: object) -> None:
         raise AssertionError("flown again")
@@ -67,7 +68,7 @@ def test_what_is_merged_is_not_flown_again(tmp_path: Path, monkeypatch: pytest.M
 
 
 def test_a_shard_that_is_missing_is_named(tmp_path: Path) -> None:
-    clusters.run_shard("smoke", "2/2", SMALL, tmp_path, jobs=1)
+    clusters.run_shard("smoke", "2/2", PLAIN, tmp_path, jobs=1)
     with pytest.raises(InputError, match=r": of 2 shards these are missing: 1$"):
         clusters.merge(tmp_path)
 
