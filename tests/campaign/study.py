@@ -80,10 +80,12 @@ CARDS = {
 
 
 def write(folder: Path, name: str, text: str) -> Path:
-    """Write a file of the study and return its path."""
+    """Write a file of the study and return its path; a file that has this text is left, so that it is read once."""
     path = folder / name
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(textwrap.dedent(text), encoding="utf-8")
+    content = textwrap.dedent(text).encode()
+    if not path.is_file() or path.read_bytes() != content:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(content)
     return path
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from functools import partial
 
 import pytest
@@ -19,10 +20,16 @@ def _drawn_in_this_process():
         yield
 
 
-@pytest.fixture(scope="module")
-def page(tmp_path_factory):
-    folder = synthetic.results(tmp_path_factory.mktemp("report") / "synthetic", n_run=80, failing=(3,))
+@pytest.fixture(scope="session")
+def first_page(tmp_path_factory):
+    folder = synthetic.results(tmp_path_factory.mktemp("first") / "synthetic", n_run=80, failing=(3,))
     return build(folder)
+
+
+@pytest.fixture(scope="module")
+def page(first_page, tmp_path_factory):
+    """Return the page in a folder of the module's own, a copy."""
+    return shutil.copytree(first_page.parent, tmp_path_factory.mktemp("report") / "synthetic") / first_page.name
 
 
 @pytest.fixture(scope="module")
