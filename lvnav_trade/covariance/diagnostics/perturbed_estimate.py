@@ -12,7 +12,6 @@ from lvnav_trade.filter.ekf import place_antenna
 from lvnav_trade.filter.policies.epoch_differences import PreviousEpoch, store_estimate
 from lvnav_trade.kernels.attitude import from_rotation, multiply
 from lvnav_trade.kernels.jit import jit
-from lvnav_trade.kernels.lanes import number_like
 from lvnav_trade.kernels.transition import ATT, GYRO, POS, VEL, driver
 from lvnav_trade.quantities.records import Floats, Ints
 from lvnav_trade.simulation.preparation.prepare import PreparedCase
@@ -89,7 +88,7 @@ def compensate(increments, inputs, d, first, n_tick):
     ----------
     increments : (n, 6) rad, m/s, body axes; the first `n_tick` are set
     inputs : ImuInputs
-    d : (n_state,) SI, error, truth minus estimate; one error or lanes
+    d : (n_state,) SI, error, truth minus estimate
     first, n_tick : first tick, number of ticks
     """
     dt = inputs.dt
@@ -103,8 +102,8 @@ def compensate(increments, inputs, d, first, n_tick):
         fy = velocities[1] / dt
         fz = velocities[2] / dt
         for i in range(3):
-            increments[k, i] = number_like(d[0], angles[i])
-            increments[k, 3 + i] = number_like(d[0], velocities[i])
+            increments[k, i] = angles[i]
+            increments[k, 3 + i] = velocities[i]
         for b in range(inputs.offset.shape[0]):
             state = inputs.offset[b]
             if inputs.sensor[b] == GYRO:

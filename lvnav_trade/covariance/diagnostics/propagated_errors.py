@@ -17,7 +17,6 @@ from lvnav_trade.covariance.diagnostics.perturbed_estimate import (
 from lvnav_trade.kernels.attitude import small_rotation
 from lvnav_trade.kernels.covariance import apply_phi
 from lvnav_trade.kernels.jit import jit
-from lvnav_trade.kernels.lanes import GROUP, group, group_view, grouped_zeros
 from lvnav_trade.kernels.strapdown import N_SUM, Q, R, Strapdown, V, full_rate, integrate
 from lvnav_trade.kernels.transition import ATT, POS, VEL, fill
 from lvnav_trade.quantities.records import Floats, Ints
@@ -41,12 +40,12 @@ class Windows(NamedTuple):
 
 
 class _Strapdown(NamedTuple):
-    """Strapdown integration of one estimate, or of groups of estimates in lanes.
+    """Strapdown integration of an estimate.
 
-    nav : (10,), or (n_group, 10, lane). Navigation state, frame i.
-    previous : (6,), or (n_group, 6, lane). Increments of the tick before.
-    sums : (18,), or (18, lane). Integrals over a window.
-    increments : (n, 6), or (n, 6, lane). Compensated increments of a window.
+    nav : (10,). Navigation state, frame i.
+    previous : (6,) rad, m/s. Increments of the tick before, body axes.
+    sums : (18,). Integrals over a window.
+    increments : (n, 6) rad, m/s. Compensated increments of a window, body axes.
     algorithm : Algorithm at the rate of the IMU.
     """
 
@@ -139,36 +138,24 @@ def gap_pieces(prepared_case: PreparedCase, begin: float, end: float) -> Windows
 
 
 @jit
-def _integrate_groups(strapdown, errors, inputs, windows):
-    """Integrate estimates over the windows, a group at a time.
+def _integrate(strapdown, d, inputs, windows):
+    """Integrate an estimate over the windows.
 
     Parameters
     ----------
-    strapdown : _Strapdown of groups, updated in place
-    errors : (n_group, n_state, lane) SI, initial errors of the estimates; those of parameters decay in place
+    strapdown : _Strapdown, updated in place
+    d : (n_state,) SI, initial error of the estimate; errors of parameters decay in place
     inputs, windows : ImuInputs, Windows
     """
-    sums = group_view(strapdown.sums)
-    increments = group_view(strapdown.increments)
-    for g in range(errors.shape[0]):
-        nav = group(strapdown.nav, g)
-        previous = group(strapdown.previous, g)
-        d = group(errors, g)
-        for w in range(windows.first.shape[0]):
-            n_tick = windows.n_tick[w]
-            compensate(increments, inputs, d, windows.first[w], n_tick)
-            integrate(nav, sums, previous, increments, n_tick, inputs.dt, strapdown.algorithm, False)
-            for i in range(d.shape[0]):
-                d[i] *= windows.decay[w, i]
-
-
-def _lanes(values: Floats) -> Floats:
-    """Return values (n, m) of estimates as lanes, (n / GROUP, m, GROUP)."""
-    n, m = values.shape
-    n_group = n // GROUP
-    groups = grouped_zeros((n_group, m))
-    groups[:] = values.reshape(n_group, GROUP, m).transpose(0, 2, 1)
-    return groups
+    increments = strapdown.increments
+    for w in range(windows.first.shape[0]):
+        n_tick = windows.n_tick[w]
+        compensate(increments, inputs, d, windows.first[w], n_tick)
+        integrate(
+            strapdown.nav, strapdown.sums, strapdown.previous, increments, n_tick, inputs.dt, strapdown.algorithm, False
+        )
+        for i in range(d.shape[0]):
+            d[i] *= windows.decay[w, i]
 
 
 def strapdown_errors(prepared_case: PreparedCase, start: int, errors: Floats, windows: Windows) -> Floats:
@@ -185,29 +172,26 @@ def strapdown_errors(prepared_case: PreparedCase, start: int, errors: Floats, wi
     windows
         Windows from this tick on.
     """
-    n_error, n_state = errors.shape
-    n_group = n_error // GROUP + 1  # at least one lane is left for the flight without error
-    estimate_errors = np.zeros((n_group * GROUP, n_state))
-    estimate_errors[:n_error] = errors
-    initial_nav = np.array([navigation_at(prepared_case, start, d) for d in estimate_errors])
-    no_error = np.zeros(n_state)
+    no_error = np.zeros(errors.shape[1])
     tick_before = max(0, start - 1)
-    increments_before = increments(prepared_case, tick_before, 1, no_error)
-    strapdown = _Strapdown(
-        nav=_lanes(initial_nav),
-        previous=_lanes(np.tile(increments_before, (len(initial_nav), 1))),
-        sums=grouped_zeros((N_SUM,)),
-        increments=grouped_zeros((windows.n_tick.max(), 6)),
-        algorithm=full_rate(prepared_case.model.strapdown.gravity),
-    )
-    _integrate_groups(strapdown, _lanes(estimate_errors), imu_inputs(prepared_case), windows)
-    final_nav = strapdown.nav.transpose(0, 2, 1).reshape(initial_nav.shape)
+    increments_before = increments(prepared_case, tick_before, 1, no_error)[0]
+    inputs = imu_inputs(prepared_case)
+    algorithm = full_rate(prepared_case.model.strapdown.gravity)
+
+    def final_state(d: Floats) -> Floats:
+        nav = navigation_at(prepared_case, start, d)
+        scratch = np.zeros((int(windows.n_tick.max()), 6))
+        strapdown = _Strapdown(nav, increments_before.copy(), np.zeros(N_SUM), scratch, algorithm)
+        _integrate(strapdown, d.copy(), inputs, windows)
+        return nav
+
     attitude = slice(Q, Q + 4)
     velocity = slice(V, V + 3)
     position = slice(R, R + 3)
-    exact = final_nav[-1]
-    results = np.empty((n_error, 9))
-    for result, nav in zip(results, final_nav[:n_error], strict=True):
+    exact = final_state(no_error)
+    results = np.empty((len(errors), 9))
+    for result, d in zip(results, errors, strict=True):
+        nav = final_state(d)
         result[ATT : ATT + 3] = small_rotation(*exact[attitude], *nav[attitude])
         result[VEL : VEL + 3] = exact[velocity] - nav[velocity]
         result[POS : POS + 3] = exact[position] - nav[position]
