@@ -33,7 +33,7 @@ LONG = (
 )
 """Rooms that take longest start first, so that no processor waits at the end. `simulation` and `published` need many of
 the same kernels and would compile them twice at the same time."""
-PARTS = {"simulation": 4, "published": 2, "campaign": 2, "architecture": 2, "both_engines": 2}
+PARTS = {"simulation": 5, "published": 2, "campaign": 2, "architecture": 2, "both_engines": 3, "filter": 2}
 """Number of processes of a room, 1 for the others."""
 TOGETHER = (("gnss", "imu", "mutations", "scenario"), ("fuzzing", "quantities", "studies"))
 """Small rooms in one process each: a process takes two to three seconds until its first test."""
