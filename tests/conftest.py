@@ -57,7 +57,7 @@ def results(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def pytest_collection_finish() -> None:
-    """Let the search for garbage leave out what is there before the first test: nearly all of it stays to the end."""
+    """Exclude the objects that exist before the first test from garbage collection: nearly all remain to the end."""
     gc.collect()
     gc.freeze()
 

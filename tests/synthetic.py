@@ -329,7 +329,7 @@ def results(
 
 @cache
 def _computed(settings: tuple[Any, ...]) -> Path:
-    """Return a folder of results that nobody changes."""
+    """Return the folder of these results, computed once. Tests change copies only."""
     root = tempfile.mkdtemp(prefix="lvnav-synthetic-")
     atexit.register(shutil.rmtree, root, ignore_errors=True)
     return _write_results(Path(root) / "results", *settings)

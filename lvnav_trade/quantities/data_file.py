@@ -357,7 +357,7 @@ def _refuse_missing(place: str, names: list[str], titles: list[str]) -> None:
 
 
 def _plain_numbers(line: str, fields: list[str], columns: list[int]) -> list[float] | None:
-    """Return the numbers in columns of a line, None if a field has to be read by itself: it is empty, or no number."""
+    """Return the numbers in the columns of a line; None if one of its fields is empty or not a number."""
     if not is_plain(line):
         return None
     try:

@@ -69,37 +69,37 @@ def test_a_folder_without_results_is_refused(tmp_path: Path) -> None:
 
 
 @pytest.fixture(scope="module")
-def flown(tmp_path_factory: pytest.TempPathFactory) -> api.Results:
-    """Return the smoke campaign, flown by this process."""
-    folder = tmp_path_factory.mktemp("flown") / "smoke"
+def smoke_results(tmp_path_factory: pytest.TempPathFactory) -> api.Results:
+    """Return the results of the small campaign, computed by this process."""
+    folder = tmp_path_factory.mktemp("computed") / "smoke"
     return api.run("campaigns/smoke.yaml", [REQUIREMENT], folder, jobs=1)
 
 
 @pytest.mark.slow
-def test_a_campaign_leaves_tidy_frames_with_units(flown: api.Results) -> None:
-    assert len(flown.cases) == 1
-    assert set(flown.runs.run_number) == set(range(8))
-    assert {"t_s", "position_3d_error_m", "velocity_3d_error_m_per_s"} <= set(flown.runs.columns)
-    assert {"case", "metric", "unit", "rms"} <= set(flown.rms.columns)
-    assert list(flown.requirements.verdict) == ["met"]
-    assert flown.exit_code == 0
+def test_a_campaign_leaves_tidy_frames_with_units(smoke_results: api.Results) -> None:
+    assert len(smoke_results.cases) == 1
+    assert set(smoke_results.runs.run_number) == set(range(8))
+    assert {"t_s", "position_3d_error_m", "velocity_3d_error_m_per_s"} <= set(smoke_results.runs.columns)
+    assert {"case", "metric", "unit", "rms"} <= set(smoke_results.rms.columns)
+    assert list(smoke_results.requirements.verdict) == ["met"]
+    assert smoke_results.exit_code == 0
 
 
 @pytest.mark.slow
-def test_a_campaign_leaves_a_report_and_csv_tables(flown: api.Results) -> None:
-    names = {file.name for file in flown.folder.iterdir()}
+def test_a_campaign_leaves_a_report_and_csv_tables(smoke_results: api.Results) -> None:
+    names = {file.name for file in smoke_results.folder.iterdir()}
     assert {"report.html", "rms.csv", "requirements.csv", "campaign.resolved.yaml"} <= names
 
 
 @pytest.mark.slow
-def test_a_replay_equals_the_stored_run_bit_for_bit(flown: api.Results, monkeypatch) -> None:
-    monkeypatch.chdir(flown.folder.parent)
-    out = _call("replay", str(flown.folder), "base", "5", "--json")
+def test_a_replay_equals_the_stored_run_bit_for_bit(smoke_results: api.Results, monkeypatch) -> None:
+    monkeypatch.chdir(smoke_results.folder.parent)
+    out = _call("replay", str(smoke_results.folder), "base", "5", "--json")
     content = json.loads(out.stdout)
     import pandas as pd
 
     trace = pd.read_parquet(content["trace"])
-    stored = flown.runs[flown.runs.run_number == 5].set_index("event")
+    stored = smoke_results.runs[smoke_results.runs.run_number == 5].set_index("event")
     columns = [name for name in trace.columns if "_error_" in name]
     assert len(columns) >= 15
     for event, row in stored.iterrows():
@@ -108,13 +108,13 @@ def test_a_replay_equals_the_stored_run_bit_for_bit(flown: api.Results, monkeypa
 
 
 @pytest.mark.slow
-def test_the_command_line_leaves_the_same_tables(flown: api.Results, tmp_path: Path, monkeypatch) -> None:
+def test_the_command_line_leaves_the_same_tables(smoke_results: api.Results, tmp_path: Path, monkeypatch) -> None:
     monkeypatch.chdir(tmp_path)
     out = _call("run", "campaigns/smoke.yaml", "--set", REQUIREMENT, "--jobs", "2", "--no-report", "--json", "--quiet")
     assert out.stderr == ""
     content = json.loads(out.stdout)
     assert out.returncode == content["exit_code"] == 0
-    for file in sorted(flown.folder.glob("*.parquet")):
+    for file in sorted(smoke_results.folder.glob("*.parquet")):
         assert (tmp_path / "results/smoke" / file.name).read_bytes() == file.read_bytes(), file.name
 
 
@@ -144,13 +144,13 @@ def test_failed_runs_are_rows_and_exit_code_four_even_when_nothing_is_flown_agai
 @pytest.mark.slow
 def test_a_scale_factor_five_percent_worse_is_reported_with_eighty_runs(tmp_path: Path) -> None:
     runs, unit = "monte_carlo.runs=80", "imu.accel.scale_factor"
-    flown = {
+    folders = {
         name: api.run("campaigns/smoke.yaml", [runs, *change], tmp_path / name, jobs=1, report=False).folder
         for name, change in {"base": (), "same": (), "worse": (f"{unit}=1575 ppm",)}.items()
     }
 
     def verdict(candidate: str, effect: str) -> Any:
-        found = api.compare(flown["base"], flown[candidate], [f"velocity_error_3d={effect}"])
+        found = api.compare(folders["base"], folders[candidate], [f"velocity_error_3d={effect}"])
         return found.frame.set_index("metric").loc["velocity_error_3d"]
 
     assert verdict("same", "2 %").verdict == "not worse"

@@ -41,7 +41,7 @@ from tests.both_engines.covering import (
     lateness,
     refusal,
 )
-from tests.both_engines.flown import FROM_PAD, STEADY, flight
+from tests.both_engines.short_flights import FROM_PAD, STEADY, flight
 from tests.building import loaded, prepare_hop, with_fields, with_units
 
 RUNS, SEED = 64, 20261122

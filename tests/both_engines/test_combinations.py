@@ -11,7 +11,7 @@ from pydantic import ValidationError
 from lvnav_trade.scenario.rules import REFUSALS
 from tests.both_engines.combinations import evaluate, false_alarms, scenario_of
 from tests.both_engines.covering import DIMENSIONS, covering, kernels_of, refusal
-from tests.both_engines.flown import flight
+from tests.both_engines.short_flights import flight
 from tests.building import prepare_hop
 
 FIRST = {name: next(iter(levels)) for name, levels in DIMENSIONS.items()}

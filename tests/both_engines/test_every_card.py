@@ -52,7 +52,7 @@ def of_scenario(trajectory: Trajectory | None = None, **parts: Any) -> str:
     return digest(*(part for name, part in prepared_case._asdict().items() if name not in {"scenario", "trajectory"}))
 
 
-def flown(card: TrajectoryCard) -> str:
+def flight_digest(card: TrajectoryCard) -> str:
     """Digest of a true flight: its motion ten times a second, and its events."""
     flight = build(card)
     return digest(tuple(reference(flight, 10.0)), flight.events, flight.theta0, (flight.start, flight.end))
@@ -155,7 +155,7 @@ def test_every_field_of_a_users_table_changes_its_flight(tmp_path: Path) -> None
     pointed = {"pointing": "velocity", "roll": {"pad": "20 deg", "flight": "40 deg"}, "pad_hold": "20 s"}
     without = table_card(write(tmp_path, name="second.csv", oscillation=SHAKEN, greenwich="1 rad", **pointed))
     beside = {"smallest_jump", "position_noise"}  # of what rows of position are held against: tests/world/user_file
-    assert {*idle(with_attitude, flown, beside)} & {*idle(without, flown, beside)} == set()
+    assert {*idle(with_attitude, flight_digest, beside)} & {*idle(without, flight_digest, beside)} == set()
 
 
 @pytest.mark.slow
@@ -170,7 +170,7 @@ def test_every_field_of_an_orbital_flight_changes_it() -> None:
                  "parachutes": [{"name": "drogue", "below": "30 km", "drag_area": "4 m^2"}]},
         oscillation=SHAKEN, assumed={},
     ))  # fmt: skip
-    assert idle(card, flown) == []
+    assert idle(card, flight_digest) == []
 
 
 @pytest.mark.slow
@@ -187,16 +187,16 @@ def test_every_field_of_a_sounding_rocket_changes_its_flight() -> None:
         spin=[{"at": "rail_exit", "frequency": "1.7 Hz", "over": "2 s"}], end_altitude="3 km", pad_hold="10 s",
         assumed={},
     ))  # fmt: skip
-    assert idle(card, flown) == []
+    assert idle(card, flight_digest) == []
 
 
 @pytest.mark.slow
 def test_every_field_of_a_recorded_ascent_changes_its_flight() -> None:
-    assert idle(flight_cases.record_card(), flown) == []
+    assert idle(flight_cases.record_card(), flight_digest) == []
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["two_stage_leo", "pslv_sub_gto"])
 def test_every_field_of_a_launch_changes_its_flight(name: str) -> None:
     settings_of = flight_cases.launcher_settings(name)
-    assert idle(VehicleAscent.model_validate(settings_of), flown, without={"recorded"}) == []
+    assert idle(VehicleAscent.model_validate(settings_of), flight_digest, without={"recorded"}) == []

@@ -41,7 +41,7 @@ FAULTS = {
 
 
 @lru_cache(maxsize=64)
-def flown(fault, *settings):
+def prepare_case(fault, *settings):
     scenario = loaded(MATCHED, *settings)
     return prepare_hop(with_fields(scenario, faults=[FAULTS[fault]] if fault else []))
 
@@ -49,7 +49,7 @@ def flown(fault, *settings):
 @pytest.mark.parametrize("settings", [(), (LOOSE,)], ids=["tight", "loose"])
 @pytest.mark.parametrize("fault", FAULTS)
 def test_monte_carlo_and_linear_covariance_agree_on_it(fault, settings):
-    prepared_case = flown(fault, *settings)
+    prepared_case = prepare_case(fault, *settings)
     history, block = covariance(prepared_case), run_block(prepared_case, 3, 0, RUNS)
     at = [int(np.argmin(np.abs(prepared_case.t_hist - t))) for t in (11.0, 13.0, 16.0, 20.0, 30.0)]
     size = history.true_sigma[at, :9]
@@ -64,7 +64,7 @@ def test_monte_carlo_and_linear_covariance_agree_on_it(fault, settings):
 
 @pytest.mark.parametrize("fault", FAULTS)
 def test_it_changes_nothing_before_it_begins(fault):
-    one, two = (run_block(flown(which), 3, 0, 8) for which in (fault, None))
+    one, two = (run_block(prepare_case(which), 3, 0, 8) for which in (fault, None))
     before, after = one.t < 12.0 - 1e-9, one.t >= 15.0
     np.testing.assert_array_equal(one.err[:, before], two.err[:, before])
     assert not np.array_equal(one.err[:, after], two.err[:, after])

@@ -9,7 +9,7 @@ from lvnav_trade.covariance.history import covariance
 from lvnav_trade.simulation.montecarlo import run_block
 from tests.both_engines.combinations import scenario_of
 from tests.both_engines.covering import DIMENSIONS
-from tests.both_engines.flown import flight
+from tests.both_engines.short_flights import flight
 from tests.building import MATCHED, ascent, prepare_hop
 
 LATENCY = "base.receiver.latency=300 ms"

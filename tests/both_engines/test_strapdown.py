@@ -35,7 +35,7 @@ def spinning(algorithm="two_sample", ratio=1):
 
 
 @cache
-def flown(algorithm, ratio):
+def algorithm_errors(algorithm, ratio):
     """Errors of eight runs less those of the full rate with the same draws, (8, n_hist, 9): the algorithm's own."""
     case, full = spinning(algorithm, ratio), spinning()
     return run_block(case, 4, 0, 8).err[..., :9] - run_block(full, 4, 0, 8).err[..., :9]
@@ -48,7 +48,7 @@ def at(case, event):
 @pytest.mark.parametrize(("algorithm", "ratio"), [("summed", 3), ("summed", 5), ("two_sample", 8), ("optimised", 5)])
 def test_the_algorithms_error_is_the_same_in_runs_and_in_the_mean_of_linear_covariance(algorithm, ratio):
     case = spinning(algorithm, ratio)
-    own, mean = flown(algorithm, ratio), covariance(case).mean - covariance(spinning()).mean
+    own, mean = algorithm_errors(algorithm, ratio), covariance(case).mean - covariance(spinning()).mean
     for event in ("stage1_cutoff", "stage2_cutoff", "apogee", "end"):
         hist = at(case, event)
         for block in (slice(0, 3), slice(3, 6), slice(6, 9)):
@@ -82,7 +82,7 @@ def test_a_ratio_that_divides_no_window_flies_in_whole_steps(ratio):
 
 def error(algorithm, ratio, event="apogee"):
     """Attitude (rad), velocity (m/s) and position (m) error of an algorithm."""
-    own = flown(algorithm, ratio)[:, at(spinning(), event)].mean(axis=0)
+    own = algorithm_errors(algorithm, ratio)[:, at(spinning(), event)].mean(axis=0)
     return [float(np.linalg.norm(own[block])) for block in (slice(0, 3), slice(3, 6), slice(6, 9))]
 
 

@@ -24,7 +24,7 @@ N_STATE = 15
 
 
 @lru_cache(maxsize=2)
-def flown(kind: str):
+def analyse(kind: str):
     """Prepare, cover and fly a short flight whose receiver tells its own solution, with multipath that lasts."""
     text = loaded(MATCHED, "base.filter=filters/loose", "base.receiver=receivers/l1_two_metre").model_dump(mode="json")
     text["faults"] = []
@@ -38,7 +38,7 @@ each = pytest.mark.parametrize("kind", ["bancroft", "filtered"])
 
 @each
 def test_errors_of_the_solution_lie_within_the_interval_of_the_true_sigma_and_about_its_mean(kind):
-    prepared_case, history, runs = flown(kind)
+    prepared_case, history, runs = analyse(kind)
     assert prepared_case.outputs[N_STATE:] == solution_outputs(prepared_case.scenario.frame)
     at = [8, 16, len(prepared_case.t_hist) - 1]
     asked = 8 * len(at)
@@ -52,16 +52,16 @@ def test_errors_of_the_solution_lie_within_the_interval_of_the_true_sigma_and_ab
 
 @each
 def test_the_receiver_assumes_in_the_runs_what_it_assumes_on_the_nominal_flight(kind):
-    _, history, runs = flown(kind)
+    _, history, runs = analyse(kind)
     accepted = np.sqrt(np.mean(runs.sigma[:, 5:, N_STATE:] ** 2, axis=0))
     np.testing.assert_allclose(accepted, history.formal_sigma[5:, N_STATE:], rtol=5e-3)
 
 
 def test_innovations_are_reported_of_the_satellites_in_use_by_a_filter_alone():
-    prepared_case, _, runs = flown("filtered")
+    prepared_case, _, runs = analyse("filtered")
     n = 2 * len(prepared_case.sky.names)
     assert runs.innovation.shape[2] == 6 + n
-    assert flown("bancroft")[2].innovation.shape[2] == 6
+    assert analyse("bancroft")[2].innovation.shape[2] == 6
     used = np.isfinite(runs.innovation[0, -1, 6:]).reshape(-1, 2)
     last = prepared_case.signals.satellite_by_slot[-1, : prepared_case.signals.n_used[-1]]
     assert np.flatnonzero(used.all(axis=1)).tolist() == sorted(last.tolist())
@@ -69,7 +69,7 @@ def test_innovations_are_reported_of_the_satellites_in_use_by_a_filter_alone():
 
 def test_without_a_solution_the_error_of_the_last_one_stays():
     """Of twelve satellites none from the tenth epoch on: what is reported does not move any more, in both engines."""
-    prepared_case, _, _ = flown("bancroft")
+    prepared_case, _, _ = analyse("bancroft")
     n_used = prepared_case.signals.n_used.copy()
     n_used[10:] = 0
     chain = prepared_case.chain._replace(has_solution=np.arange(n_used.size) < 10)
@@ -96,7 +96,7 @@ def test_nothing_is_added_where_nothing_of_the_solution_is_reported():
 
 
 def test_what_is_reported_stands_behind_the_states_and_apart_from_them():
-    _, history, _ = flown("bancroft")
+    _, history, _ = analyse("bancroft")
     n = history.true_sigma.shape[1]
     assert history.formal_cov.shape == history.true_cov.shape == (len(history.t), n, n)
     assert not history.true_cov[:, :N_STATE, N_STATE:].any()

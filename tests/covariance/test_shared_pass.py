@@ -73,12 +73,12 @@ def test_guided_ascents_share_their_injection() -> None:
     found = cases(load("smoke", (f"base.trajectory={guidance}",)))[0].scenario
     guided = with_filter(found, frozen_filter(found))
 
-    def flown(sigma: float) -> CovHistory:
+    def covariance_with(sigma: float) -> CovHistory:
         data = with_value(guided.model_dump(mode="json"), ["imu", "gyro", "bias_repeatability"], f"{sigma!r} rad/s")
         return covariance(prepare(with_filter(Scenario.model_validate(data), guided.filter), 60.0))
 
-    shared = shared_pass(np.inf, [1e-7], [1e-4], flown(1e-7), [flown(1e-4)])
-    mixed, alone = covariance_of(shared, [3e-5]).injection, flown(3e-5).injection
+    shared = shared_pass(np.inf, [1e-7], [1e-4], covariance_with(1e-7), [covariance_with(1e-4)])
+    mixed, alone = covariance_of(shared, [3e-5]).injection, covariance_with(3e-5).injection
     assert mixed is not None
     assert alone is not None
     assert mixed.sources == alone.sources

@@ -14,7 +14,7 @@ from lvnav_trade.export.program_replay import flight_bytes, replay_text, run_byt
 from lvnav_trade.simulation.preparation.prepare import PreparedCase
 from tests.both_engines.combinations import scenario_of, with_stored_gains
 from tests.both_engines.covering import DIMENSIONS
-from tests.both_engines.flown import flight
+from tests.both_engines.short_flights import flight
 from tests.building import prepare_hop
 
 FIRST = {name: next(iter(levels)) for name, levels in DIMENSIONS.items()}

@@ -8,7 +8,7 @@ from lvnav_trade.export.code import translate_filter
 from lvnav_trade.export.program_replay import LIMIT, flight_bytes, run_bytes
 from tests.both_engines.combinations import scenario_of
 from tests.both_engines.covering import covering, refusal
-from tests.both_engines.flown import flight
+from tests.both_engines.short_flights import flight
 from tests.building import prepare_hop, with_fields
 from tests.export.cases import FIRST, build, compiled, prepared_of, replay, write
 from tests.export.translation.compiled import needs_compiler

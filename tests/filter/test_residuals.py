@@ -26,7 +26,7 @@ SCHEMES = {
 
 
 @lru_cache(maxsize=16)
-def flown(scheme, *settings, air=(), **fields):
+def prepare_case(scheme, *settings, air=(), **fields):
     """The short flight through an ionosphere that the filter corrects up to a factor."""
     scenario = loaded(MATCHED, *settings)
     card = with_fields(scenario.filter, corrections={"ionosphere": {"kind": "matched"}}, **SCHEMES[scheme], **fields)
@@ -63,7 +63,7 @@ def dense_rows(prepared_case, work, epoch):
 @pytest.mark.parametrize("scheme", ["noise", "noise by satellite"])
 def test_noise_that_rows_share_is_the_dense_update_with_the_full_covariance(scheme):
     """R + s^2 t t', t the modelled delays: gain, estimate and covariance of all other states to 1e-9 of a sigma."""
-    prepared_case, epoch = flown(scheme), 5
+    prepared_case, epoch = prepare_case(scheme), 5
     rng = np.random.default_rng(3)
     work = observed(prepared_case, epoch, rng.standard_normal(2 * prepared_case.signals.n_used[epoch]))
     n_state, shared = prepared_case.layout.n_state, prepared_case.layout.extras[0]
@@ -90,7 +90,7 @@ def test_noise_that_rows_share_is_the_dense_update_with_the_full_covariance(sche
 
 
 def test_between_epochs_the_noise_is_forgotten_as_if_its_state_were_reset():
-    prepared_case = flown("noise")
+    prepared_case = prepare_case("noise")
     work, at = work_of(prepared_case), prepared_case.layout.extras[0].offset
     rng = np.random.default_rng(4)
     root = rng.standard_normal(work.P.shape) * np.sqrt(np.diag(work.P))[:, None]
@@ -110,7 +110,7 @@ def test_between_epochs_the_noise_is_forgotten_as_if_its_state_were_reset():
 @pytest.mark.parametrize("scheme", ["one by satellite", "noise", "noise by satellite", "considered"])
 def test_both_engines_agree_on_every_scheme(scheme):
     """The true factor is one for all satellites and drifts within the flight; 400 runs, errors of all states."""
-    prepared_case = flown(scheme, air=(("ionosphere_scale_time", "30 s"),))
+    prepared_case = prepare_case(scheme, air=(("ionosphere_scale_time", "30 s"),))
     ratio, interval = agrees(prepared_case, 400, (10.0, 30.0))
     assert inside(ratio, interval), (ratio, interval)
     cov = covariance(prepared_case)
@@ -121,7 +121,7 @@ def test_both_engines_agree_on_every_scheme(scheme):
 
 
 def test_a_filter_that_neglects_the_residual_is_optimistic_and_the_schemes_are_not():
-    found = {name: covariance(flown(name)) for name in SCHEMES}
+    found = {name: covariance(prepare_case(name)) for name in SCHEMES}
     place = {name: np.linalg.norm(cov.formal_sigma[-1, 6:9]) for name, cov in found.items()}
     true = {name: np.linalg.norm(cov.true_sigma[-1, 6:9]) for name, cov in found.items()}
     assert true["neglected"] > 1.5 * place["neglected"]
@@ -137,12 +137,12 @@ def test_a_filter_that_neglects_the_residual_is_optimistic_and_the_schemes_are_n
 
 def test_one_factor_estimated_is_what_it_was_and_a_considered_one_is_true():
     for name in ("one factor", "considered"):
-        cov = covariance(flown(name))
+        cov = covariance(prepare_case(name))
         np.testing.assert_allclose(cov.formal_sigma, cov.true_sigma, rtol=1e-2)
 
 
 def test_every_satellite_has_a_factor_of_its_own_with_the_sigma_of_the_one():
-    prepared_case = flown("one by satellite")
+    prepared_case = prepare_case("one by satellite")
     block = prepared_case.layout.extras[0]
     assert len(block.labels) >= 6
     assert block.sigma == 0.4

@@ -87,7 +87,7 @@ def residual(algorithm, ratio, b):
     return found
 
 
-def flown(nav, increments, T, algorithm, ratio):
+def integrate_increments(nav, increments, T, algorithm, ratio):
     """Return the navigation state after all increments, of which the first step is that before the start."""
     how = build_strapdown(StrapdownCard(algorithm=algorithm, ratio=ratio), "point")
     before = increments[ratio - 1] if how.extensions is not None else increments[:ratio].sum(axis=0)
@@ -114,7 +114,7 @@ def test_coning_drifts_by_what_the_algorithm_leaves(algorithm, ratio):
     w, n = 2.0 * math.pi / (cycle * T), 60 * cycle
     q0 = (math.cos(0.5 * a), math.sin(0.5 * a), 0.0, 0.0)
     start = np.array([*q0, 0.0, 0.0, 0.0, FAR, 0.0, 0.0])
-    nav, _ = flown(start, coning(a, w, T, n, ratio), T, algorithm, ratio)
+    nav, _ = integrate_increments(start, coning(a, w, T, n, ratio), T, algorithm, ratio)
     drift = small_rotation(*q0, *nav[Q : Q + 4])[2]
     expected = residual(algorithm, ratio, w * T) * a * a * n / ratio
     # the fourth power of the amplitude is left out of the closed form, and rounding of a thousand steps
@@ -141,7 +141,7 @@ def test_sculling_leaves_what_coning_leaves(algorithm, ratio):
     w, n = 2.0 * math.pi / (cycle * T), 60 * cycle
     t, increments = T * np.arange(-ratio, n + 1), np.zeros((n + ratio, 6))
     increments[:, 0], increments[:, 4] = np.diff(angle * np.sin(w * t)), np.diff(-force / w * np.cos(w * t))
-    _, gained = flown(np.array([1.0, 0, 0, 0, 0, 0, 0, FAR, 0, 0]), increments, T, algorithm, ratio)
+    _, gained = integrate_increments(np.array([1.0, 0, 0, 0, 0, 0, 0, FAR, 0, 0]), increments, T, algorithm, ratio)
     # the mean of force * sin wt * angle * sin wt, along z, is half their product; its cubic term is 4e-7
     left = 0.5 * angle * force * n * T - gained[2]
     expected = residual(algorithm, ratio, w * T) * angle * force / w * n / ratio
@@ -171,10 +171,12 @@ def mixed(T, n):
 def test_a_cone_that_sculls_converges_to_its_integration_at_a_high_rate():
     T, n = 0.0025, 360
     start = np.array([1.0, 0, 0, 0, 0, 0, 0, FAR, 0, 0])
-    exact, _ = flown(start, np.vstack([np.zeros((1, 6)), mixed(T / 32.0, 32 * n)]), T / 32.0, "two_sample", 1)
+    exact, _ = integrate_increments(
+        start, np.vstack([np.zeros((1, 6)), mixed(T / 32.0, 32 * n)]), T / 32.0, "two_sample", 1
+    )
 
     def error(algorithm, ratio):
-        found, _ = flown(start, np.vstack([np.zeros((ratio, 6)), mixed(T, n)]), T, algorithm, ratio)
+        found, _ = integrate_increments(start, np.vstack([np.zeros((ratio, 6)), mixed(T, n)]), T, algorithm, ratio)
         off = exact[V : V + 3] - found[V : V + 3]
         return np.linalg.norm(small_rotation(*exact[:4], *found[:4])), np.linalg.norm(off)
 

@@ -20,7 +20,7 @@ NOISELESS = {"gyro_random_walk": "0 rad/sqrt(s)", "accel_random_walk": "0 m/s/sq
              "accel_bias": "1 mg"}  # fmt: skip
 
 
-def flown(*settings, flight=None, **fields):
+def prepare_case(*settings, flight=None, **fields):
     scenario = loaded(MATCHED, *settings)
     return prepare_hop(scenario.model_copy(update={"filter": with_fields(scenario.filter, **fields)}), flight)
 
@@ -46,8 +46,8 @@ def test_an_underweighted_scalar_update_is_lears(joseph):
 def test_a_noise_factor_is_a_receiver_of_larger_noise_as_the_filter_assumes_it():
     receiver = assumed_receiver(loaded(MATCHED))
     noisier = receiver.model_copy(update={name: 2.0 * getattr(receiver, name) for name in NOISES})
-    one = flown(underweighting=[{"noise_factor": 4.0, "from": "0 s"}])
-    other, same = flown(), flown(receiver=noisier.model_dump(mode="json"))
+    one = prepare_case(underweighting=[{"noise_factor": 4.0, "from": "0 s"}])
+    other, same = prepare_case(), prepare_case(receiver=noisier.model_dump(mode="json"))
     np.testing.assert_allclose(formal(one), formal(same), rtol=1e-10)
     assert np.all(formal(one)[-1, 3:9] > 1.2 * formal(other)[-1, 3:9])
 
@@ -91,7 +91,7 @@ def test_what_is_considered_is_not_inflated_but_its_correlations_are():
 
 
 def test_without_noise_and_measurements_sigmas_grow_by_the_exponential_of_the_time():
-    plain, faded = (flown(INERTIAL, imu=NOISELESS, **more) for more in ({}, {"fading_memory": "40 s"}))
+    plain, faded = (prepare_case(INERTIAL, imu=NOISELESS, **more) for more in ({}, {"fading_memory": "40 s"}))
     growth = np.exp(plain.t_hist / 40.0)[:, None]
     np.testing.assert_allclose(formal(faded), formal(plain) * growth, rtol=1e-10)
     np.testing.assert_array_equal(covariance(faded).true_sigma, covariance(plain).true_sigma)
@@ -172,7 +172,10 @@ BOUNDED = {"time": "20 s", "velocity": "0.1 m/s", "position": "2 m"}
 
 
 def test_the_longer_the_time_the_nearer_it_is_to_the_kalman_filter():
-    plain, bounded = flown(), [flown(h_infinity=BOUNDED | {"time": f"{time:g} s"}) for time in (20.0, 2e3, 2e5)]
+    plain, bounded = (
+        prepare_case(),
+        [prepare_case(h_infinity=BOUNDED | {"time": f"{time:g} s"}) for time in (20.0, 2e3, 2e5)],
+    )
     off = [np.abs(formal(one)[-1, 3:9] / formal(plain)[-1, 3:9] - 1.0).max() for one in bounded]
     assert off[0] > 0.01
     assert off[1] == pytest.approx(off[0] / 100.0, rel=0.3)
@@ -181,7 +184,7 @@ def test_the_longer_the_time_the_nearer_it_is_to_the_kalman_filter():
 
 def test_errors_that_no_filter_bounds_are_refused_with_the_time_from_which_on():
     with pytest.raises(InputError, match=r"filter.h_infinity.time: no filter bounds errors .* has no end"):
-        covariance(flown(h_infinity={"time": "1 s", "position": "1 cm"}))
+        covariance(prepare_case(h_infinity={"time": "1 s", "position": "1 cm"}))
 
 
 # ----------------------------------------------------------------------------------------- change of operating region
@@ -190,7 +193,7 @@ def test_errors_that_no_filter_bounds_are_refused_with_the_time_from_which_on():
 def test_a_change_of_region_adds_its_variance_then_and_velocity_carries_it_on():
     """0.5 m/s at 10 s is 0.25 m^2/s^2 more of velocity from then on, and 0.25 tau^2 more of position."""
     entry = {"from": "10 s", "velocity": "0.5 m/s"}
-    plain, more = (covariance(flown(INERTIAL, imu=NOISELESS, **f)) for f in ({}, {"region_noise": [entry]}))
+    plain, more = (covariance(prepare_case(INERTIAL, imu=NOISELESS, **f)) for f in ({}, {"region_noise": [entry]}))
     added, t = more.formal_sigma**2 - plain.formal_sigma**2, plain.t
     np.testing.assert_allclose(added[t < 10.0], 0.0, atol=1e-15)
     after = t >= 10.0
@@ -209,7 +212,7 @@ def test_noise_in_proportion_to_the_force_is_that_of_its_square_over_the_burn():
     burn = flight([(10.0, lambda t: FORCE), (15.0, lambda t: 0.0 * FORCE)], turning)
     table = {"specific_force": ["0 m/s^2", "60 m/s^2"], "velocity": ["0 m/s/sqrt(s)", "0.2 m/s/sqrt(s)"]}
     plain, more = (
-        covariance(flown(INERTIAL, flight=burn, imu=NOISELESS, **f)) for f in ({}, {"process_noise_by": [table]})
+        covariance(prepare_case(INERTIAL, flight=burn, imu=NOISELESS, **f)) for f in ({}, {"process_noise_by": [table]})
     )
     added, t = more.formal_sigma**2 - plain.formal_sigma**2, plain.t
     density = 0.1**2
@@ -224,8 +227,8 @@ def test_a_table_with_one_value_is_the_noise_of_the_card():
     """Over altitude, attitude, velocity and position: what enters at the end of a window enters within it otherwise."""
     noise = {"attitude": "1 deg/sqrt(h)", "velocity": "0.1 m/s/sqrt(s)", "position": "0.3 m/sqrt(s)"}
     table = {"altitude": ["0 km", "900 km"], **{name: [value, value] for name, value in noise.items()}}
-    one = formal(flown(process_noise_by=[table]))
-    other = formal(flown(**{f"{name}_noise": value for name, value in noise.items()}))
+    one = formal(prepare_case(process_noise_by=[table]))
+    other = formal(prepare_case(**{f"{name}_noise": value for name, value in noise.items()}))
     np.testing.assert_allclose(one, other, rtol=5e-3)
 
 
@@ -239,7 +242,7 @@ def test_a_table_with_one_value_is_the_noise_of_the_card():
 )
 def test_a_table_without_meaning_is_refused(table, message):
     with pytest.raises(ValueError, match=message):
-        flown(process_noise_by=[table])
+        prepare_case(process_noise_by=[table])
 
 
 # ------------------------------------------------------------------------------------------------------ transition held
@@ -269,8 +272,10 @@ def test_a_held_transition_is_that_of_the_attitude_and_force_known_at_its_start(
 
 def test_a_transition_that_is_linearised_less_often_is_further_off():
     """Pitch of 1 deg/s, roll of 4 deg/s under 30 m/s^2: the error falls with the interval, 0.1 s is good to 1 %."""
-    exact = formal(flown())
-    off = [np.abs(formal(flown(transition_rate=rate)) / exact - 1.0).max() for rate in ("10 Hz", "1 Hz", "0.2 Hz")]
+    exact = formal(prepare_case())
+    off = [
+        np.abs(formal(prepare_case(transition_rate=rate)) / exact - 1.0).max() for rate in ("10 Hz", "1 Hz", "0.2 Hz")
+    ]
     assert off[0] < 0.01
     assert 3.0 * off[0] < off[1]
     assert 3.0 * off[1] < off[2]
@@ -281,7 +286,7 @@ def test_a_steady_flight_needs_no_linearisation():
     nose = turning(np.zeros(1))
     force = 20.0 * np.array([0.6, 0.64, 0.48])
     steady = flight([(20.0, lambda t: force)], lambda t: np.tile(nose, (t.size, 1)))
-    found = [formal(flown(flight=steady, transition_rate=rate)) for rate in (None, "0.1 Hz")]
+    found = [formal(prepare_case(flight=steady, transition_rate=rate)) for rate in (None, "0.1 Hz")]
     np.testing.assert_allclose(found[0], found[1], rtol=1e-6)
 
 
@@ -300,12 +305,12 @@ ALL = {
 
 
 def test_both_engines_agree_on_a_filter_that_is_tuned_in_every_way():
-    prepared_case = flown(**ALL)
+    prepared_case = prepare_case(**ALL)
     ratio, interval = agrees(prepared_case, 400, (10.0, 20.0, 30.0))
     assert inside(ratio, interval), (ratio, interval)
     cov, block = covariance(prepared_case), run_block(prepared_case, 3, 0, 8)
     np.testing.assert_allclose(block.sigma, np.broadcast_to(cov.formal_sigma, block.sigma.shape), rtol=0.02)
     # conservative: it claims less than it has, and has more than the best filter
-    best = covariance(flown())
+    best = covariance(prepare_case())
     assert np.all(cov.formal_sigma[-1, 3:9] > cov.true_sigma[-1, 3:9])
     assert np.all(cov.true_sigma[-1, 3:9] > best.true_sigma[-1, 3:9])

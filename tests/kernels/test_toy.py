@@ -96,7 +96,7 @@ def linear(gain, mismatch=True):
     return np.array(out)
 
 
-def flown(gain):
+def mean_squares(gain):
     """Mean squares (300, 3) of the errors of velocity, position and bias over runs with the same gains."""
     rng = np.random.default_rng(20261121)
     bias, scale, fixed = (s * rng.standard_normal(RUNS) for s in (SIGMA_BIAS, SCALE, FIX_BIAS))
@@ -125,7 +125,7 @@ def toy():
 def test_true_covariance_agrees_with_40000_runs_at_every_epoch(toy):
     gain, _, by_source = toy
     true = by_source.sum(axis=1)[20:, X]
-    ratio = flown(gain)[20:] / true
+    ratio = mean_squares(gain)[20:] / true
     tail = 1e-3 / 2 / ratio.size
     low, high = chi2.ppf([tail, 1.0 - tail], RUNS) / RUNS
     assert np.all((ratio > low) & (ratio < high)), (ratio.min(axis=0), ratio.max(axis=0))

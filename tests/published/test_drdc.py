@@ -34,7 +34,7 @@ def flight():
     return replace(hop(), events=EVENTS)
 
 
-def flown(name, tmp_path, *settings):
+def run_campaign(name, tmp_path, *settings):
     """Results of a campaign of the study on the short flight, in this process."""
     campaign = load(campaign_file(f"campaigns/drdc/{name}.yaml"), settings)
     with flying(flight()):
@@ -57,7 +57,7 @@ def test_every_campaign_of_the_study_is_good_and_its_page_is_written():
 
 @pytest.mark.slow  # a campaign of half a minute
 def test_rates_and_accelerations_are_better_than_the_samples_and_the_navigation_hardly(tmp_path):
-    tables = flown("rates_and_accelerations", tmp_path, "monte_carlo.runs=16", "report.sections=[motion]")
+    tables = run_campaign("rates_and_accelerations", tmp_path, "monte_carlo.runs=16", "report.sections=[motion]")
     found = METRICS["rate_and_acceleration"](tables)
     roll = found[
         found.case.str.contains("as published") & found.case.str.contains("vehicle model") & (found.axis == "roll")
@@ -78,7 +78,7 @@ def test_rates_and_accelerations_are_better_than_the_samples_and_the_navigation_
 def test_twenty_launches_say_whether_errors_are_as_the_filter_assumes(tmp_path):
     only = ("base.trajectory=trajectories/churchill_sso",
             "axes=[{path: receiver.mask, values: [5 deg, 10 deg]}]", "references=[]", *NO_DIAGNOSTICS)  # fmt: skip
-    found = METRICS["rate_and_acceleration"](flown("twenty_launches", tmp_path, *only))
+    found = METRICS["rate_and_acceleration"](run_campaign("twenty_launches", tmp_path, *only))
     assert set(found.verdict) <= {"as modelled", "smaller"}
 
 
@@ -103,7 +103,7 @@ def test_launches_of_a_mission_count_as_one_case(tmp_path):
 
 @pytest.mark.slow  # kernels of its own
 def test_all_states_are_observable_only_with_a_time_constant_of_the_position_bias(tmp_path):
-    tables = flown("observability", tmp_path, "covariance.window=10 s")
+    tables = run_campaign("observability", tmp_path, "covariance.window=10 s")
     frame = publication("drdc").table(tables)
     ranks = frame[frame["item"].str.startswith("rank")]
     assert ranks.in_band.all()
@@ -119,7 +119,7 @@ def test_the_nozzle_moves_less_with_the_filtered_rate(tmp_path):
         patch.object(controlled, "_burns_of", lambda _: [(0.0, 13.0)]),
     ):
         only_one = ("axes.1.values=[1]", 'axes.1.labels=["1"]', "report.sections=[control]")
-        tables = flown("nozzle", tmp_path, "monte_carlo.runs=8", *only_one)
+        tables = run_campaign("nozzle", tmp_path, "monte_carlo.runs=8", *only_one)
     found = METRICS["nozzle_travel"](tables)
     whole = found[(found.burn == "flight")].set_index(["case", "axis"]).reduction_percent
     assert len(whole) == 6
@@ -143,7 +143,7 @@ def test_a_narrower_envelope_moves_the_nozzle_less_where_the_air_is_thin(tmp_pat
         patch.object(controlled, "_burns_of", lambda _: [(0.0, 13.0)]),
     ):
         only = ("monte_carlo.runs=8", "axes.0.cards=[imu/kvh1750_003]", "axes.0.labels=[datasheet]", *NO_DIAGNOSTICS)
-        found = METRICS["rate_filter_benefit"](flown("envelope", tmp_path, *only))
+        found = METRICS["rate_filter_benefit"](run_campaign("envelope", tmp_path, *only))
     pitch = found[found.case.str.contains("datasheet") & (found.axis == "pitch")]
     assert len(pitch) == 4
     assert pitch.reduction_percent.is_monotonic_increasing

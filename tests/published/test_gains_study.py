@@ -114,7 +114,7 @@ WITHOUT = {
 """Between these times (s) the filter changes so often where a rule is left out; with the rule it does change there."""
 
 
-def flown(name: str, tmp_path: Path) -> api.Results:
+def run_campaign(name: str, tmp_path: Path) -> api.Results:
     return api.run(FOLDER / f"{name}.yaml", (*SMALL, *FEW[name]), tmp_path, jobs=1, report=False)
 
 
@@ -127,7 +127,7 @@ def test_every_campaign_of_the_folder_is_in_the_study_and_has_a_small_version() 
 
 @pytest.mark.parametrize("name", [pytest.param(name, marks=[pytest.mark.slow] * (name not in QUICK)) for name in HOLD])
 def test_what_is_stated_holds_with_a_few_runs(name: str, tmp_path: Path) -> None:
-    results = flown(name, tmp_path)
+    results = run_campaign(name, tmp_path)
     assert results.failures == []
     frame = STUDY.table(results)
     asked = frame[frame.item.str.startswith(HOLD[name]) & frame.ours.notna()]
@@ -164,7 +164,7 @@ def _every_rule_does_its_work(results: api.Results) -> None:
 
 
 def test_process_noise_of_the_ensemble_makes_the_filter_honest(tmp_path: Path) -> None:
-    frame = coverage(flown("process_noise", tmp_path).tables)
+    frame = coverage(run_campaign("process_noise", tmp_path).tables)
     at = frame[(frame.event == "injection") & (frame.quantity == "velocity")].set_index("case").inside_ratio
     none, slow = (at[next(case for case in at.index if word in case)] for word in ("no process noise", "100 s"))
     assert none <= slow
@@ -173,7 +173,7 @@ def test_process_noise_of_the_ensemble_makes_the_filter_honest(tmp_path: Path) -
 
 @pytest.mark.slow  # half a minute
 def test_every_cell_of_the_design_validation_has_a_verdict(tmp_path: Path) -> None:
-    results = flown("design_validation", tmp_path)
+    results = run_campaign("design_validation", tmp_path)
     verdicts = METRICS["requirements"](results.tables)
     assert len(verdicts) == len(STUDY.table(results)) == 3
     assert set(verdicts.verdict) <= {"met", "violated", "undecided"}

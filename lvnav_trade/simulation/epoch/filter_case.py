@@ -24,7 +24,7 @@ class FilterCase(NamedTuple):
 
     schedule : Schedule. Windows of IMU ticks.
     signals : Signals. Satellites and receiver at the epochs.
-    sensors : Sensors. The other sensors; may have none.
+    sensors : Sensors. The other sensors, possibly none; None if their code is not compiled.
     model : FilterModel. The filter as arrays.
     options : Options. Optional features.
     tick : s. Sampling interval of the IMU.
@@ -59,11 +59,12 @@ def case_of(prepared_case: PreparedCase, **changed: Any) -> FilterCase:
 
 
 def _compiles_sensors(options: Options) -> bool:
-    """Whether the kernels of a case have the code of sensors even if it has no sensor.
+    """Whether the kernels of a case include the code of sensors even if the case has no sensor.
 
-    Filters with one of these features usually have sensors. With and without, they then share one compiled version.
+    Filters with these features often have sensors. Cases with and without sensors then share one compiled version.
     """
-    return not (options.vehicle is None and options.imu_array is None and options.delay_processing is None)
+    features = (options.vehicle, options.imu_array, options.delay_processing)
+    return any(feature is not None for feature in features)
 
 
 OptionalState = namedtuple(

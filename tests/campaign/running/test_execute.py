@@ -42,7 +42,7 @@ def run(study, fakes):
     return call
 
 
-def flown(fake) -> list[tuple[str, int, int]]:
+def simulated_blocks(fake) -> list[tuple[str, int, int]]:
     return [(call.case, call.first, call.n) for call in fake.calls if call.what == "block"]
 
 
@@ -56,7 +56,7 @@ def test_linear_covariance_of_all_cases_comes_before_any_run(run) -> None:
 
 def test_runs_are_flown_in_blocks_of_forty_case_by_case(run) -> None:
     fake, outcome = run()
-    assert flown(fake) == ALL
+    assert simulated_blocks(fake) == ALL
     assert outcome.failures == ()
 
 
@@ -79,7 +79,7 @@ def test_a_mistake_that_shows_late_is_reported_at_its_place_before_anything_is_f
     fake = fakes.Fake(on_covariance=refuse)
     with pytest.raises(InputError, match=r"^configs/receivers/plain.yaml:1:1: base.receiver.latency: too late$"):
         run(fake)
-    assert flown(fake) == []
+    assert simulated_blocks(fake) == []
 
 
 def test_what_no_case_reads_is_reported_before_anything_is_flown(study, run, fakes, monkeypatch) -> None:
@@ -98,7 +98,7 @@ def test_what_no_case_reads_is_reported_before_anything_is_flown(study, run, fak
     answers: list[object] = []
     with pytest.raises(InputError, match=r"^campaign.yaml:8:32: base.filter.gate: no effect: "):
         run(fake, mode="fresh", on_answers=lambda *found: answers.append(found))
-    assert (flown(fake), answers) == ([], [])
+    assert (simulated_blocks(fake), answers) == ([], [])
 
 
 def test_the_tables_hold_every_run_once(run, fakes) -> None:
@@ -121,7 +121,7 @@ def test_answers_of_linear_covariance_come_in_the_units_of_people(run) -> None:
 def test_a_campaign_without_monte_carlo_flies_no_run(study, run, fakes) -> None:
     study.append("axes: [{path: imu, cards: [imu/good, imu/poor]}]\n")
     fake, _ = run()
-    assert flown(fake) == []
+    assert simulated_blocks(fake) == []
     assert fakes.tables(Path("results"))["imu=good"][2] is None
 
 
@@ -133,19 +133,19 @@ def test_the_budget_is_left_out_where_it_is_not_wanted(run, fakes) -> None:
 def test_a_second_call_flies_nothing_again(run) -> None:
     run()
     fake, _ = run()
-    assert flown(fake) == []
+    assert simulated_blocks(fake) == []
 
 
 def test_a_fresh_call_flies_all_again(run) -> None:
     run()
     fake, _ = run(mode="fresh")
-    assert flown(fake) == ALL
+    assert simulated_blocks(fake) == ALL
 
 
 def test_more_runs_fly_only_the_incomplete_last_block_and_the_new_ones(run, fakes) -> None:
     run()
     fake, _ = run(sets=["monte_carlo.runs=170"])
-    assert flown(fake)[:3] == [("good near", 80, 40), ("good near", 120, 40), ("good near", 160, 10)]
+    assert simulated_blocks(fake)[:3] == [("good near", 80, 40), ("good near", 120, 40), ("good near", 160, 10)]
     assert fakes.tables(Path("results"))["imu=good"][2] == [7000 + number for number in range(170)]
 
 
@@ -166,7 +166,7 @@ def test_ctrl_c_leaves_whole_blocks_and_the_same_call_goes_on(run, fakes) -> Non
         run(fakes.Fake(on_block=Interrupt(4)))
     assert not Path("results/finished").exists()
     fake, _ = run()
-    assert flown(fake) == ALL[3:]
+    assert simulated_blocks(fake) == ALL[3:]
     assert fakes.tables(Path("results"))["imu=poor"][2] == [7000 + number for number in range(100)]
 
 
@@ -186,7 +186,7 @@ def test_a_full_disk_ends_in_one_line_and_can_be_resumed(run) -> None:
         run(full_after=2)
     assert "\n" not in str(e.value)
     fake, _ = run()
-    assert flown(fake) == ALL[2:]
+    assert simulated_blocks(fake) == ALL[2:]
 
 
 @pytest.mark.parametrize(
@@ -207,9 +207,9 @@ def test_what_the_system_refuses_ends_in_one_line_and_can_be_resumed(run, fakes,
     with pytest.raises(execute.Halted) as caught:
         run(fake)
     assert str(caught.value) == f"results/part: {said}"
-    assert flown(fake) == ALL[:3]
+    assert simulated_blocks(fake) == ALL[:3]
     fake, _ = run()
-    assert flown(fake) == ALL[2:]
+    assert simulated_blocks(fake) == ALL[2:]
 
 
 def dying_pool(monkeypatch: pytest.MonkeyPatch, deaths: list[int]) -> list[int]:
@@ -243,7 +243,7 @@ def test_the_work_of_a_worker_that_died_is_done_again_by_fewer(study, fakes, mon
     fake = fakes.Fake()
     execute.run(load(study.path), Path("results"), RunOptions(jobs=8), engine=fake.engine(), store=fakes.store())
     assert pools == [8, 8, 8, 4, 2, 2]
-    assert sorted(flown(fake)) == ALL
+    assert sorted(simulated_blocks(fake)) == ALL
     assert fakes.tables(Path("results"))["imu=poor"][2] == [7000 + number for number in range(100)]
 
 
@@ -269,7 +269,7 @@ def test_scratch_of_an_interrupted_campaign_that_is_damaged_is_computed_again(ru
     files[1].write_bytes(b"")
     fake, outcome = run()
     assert outcome.failures == ()
-    assert flown(fake) == ALL[3:]
+    assert simulated_blocks(fake) == ALL[3:]
     assert sum(call.what in ("covariance", "explain") for call in fake.calls) == 2
     assert len(re.findall(r"not usable: .*; computed again", caplog.text)) == 2
 
@@ -307,14 +307,14 @@ def test_a_failed_run_is_reported_with_the_command_that_shows_it(run, study, fak
     case = cases(load(study.path))[0]
     assert outcome.failures[0] == (f"imu=good, run 57 diverged at 1.5 s; lvnav-trade replay results {case.id} 57")
     assert len(outcome.failures) == 2
-    assert flown(from_engine) == ALL
+    assert simulated_blocks(from_engine) == ALL
 
 
 def test_fail_fast_stops_at_the_first_failed_run(run, fakes) -> None:
     fake = fakes.Fake(on_block=lambda first, n: [first])
     with pytest.raises(execute.Halted, match="stopped at the first failure: imu=good, run 0 diverged"):
         run(fake, fail_fast=True)
-    assert len(flown(fake)) == 1
+    assert len(simulated_blocks(fake)) == 1
 
 
 def test_an_error_in_one_block_loses_its_case_and_not_the_campaign(run, fakes) -> None:
@@ -326,7 +326,7 @@ def test_an_error_in_one_block_loses_its_case_and_not_the_campaign(run, fakes) -
 
     broken.done = False
     fake, outcome = run(fakes.Fake(on_block=broken))
-    assert flown(fake) == ALL
+    assert simulated_blocks(fake) == ALL
     assert outcome.failures == ("imu=good, runs 40 to 79: ZeroDivisionError: division by zero",)
     assert sorted(fakes.tables(Path("results"))) == ["imu=poor"]
 
@@ -338,7 +338,7 @@ def test_a_case_whose_covariance_fails_is_reported_and_the_others_go_on(run, fak
 
     fake, outcome = run(fakes.Fake(on_covariance=broken))
     assert outcome.failures == ("imu=good: linear covariance: ValueError: not positive",)
-    assert {case for case, _, _ in flown(fake)} == {"poor near"}
+    assert {case for case, _, _ in simulated_blocks(fake)} == {"poor near"}
 
 
 def test_an_event_that_is_not_in_the_flight_is_refused_before_anything_is_computed(study, run, fakes) -> None:

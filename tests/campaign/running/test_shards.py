@@ -33,7 +33,7 @@ def test_a_shard_is_named_by_its_number_and_their_total() -> None:
             shards.parse(text)
 
 
-def flown(fake) -> list[tuple[str, int, int]]:
+def simulated_blocks(fake) -> list[tuple[str, int, int]]:
     return [(call.case, call.first, call.n) for call in fake.calls if call.what == "block"]
 
 
@@ -52,7 +52,7 @@ def share(study, fakes, number: int, total: int, folder: str = "shared"):
 def test_shards_fly_each_block_once_and_leave_no_tables(study, fakes) -> None:
     study.append(TWO)
     done = [share(study, fakes, number, 4) for number in (1, 2, 3, 4)]
-    blocks = [block for fake, _ in done for block in flown(fake)]
+    blocks = [block for fake, _ in done for block in simulated_blocks(fake)]
     assert blocks == [(case, *at) for case in ("good near", "poor near") for at in ((0, 40), (40, 40), (80, 20))]
     assert not list(Path("shared").glob("*/*.pcase"))
     answers = [[call.case for call in fake.calls if call.what == "covariance"] for fake, _ in done]
@@ -73,7 +73,7 @@ def test_a_shard_does_not_stop_early(study, fakes) -> None:
         TWO.replace("100}", "120, stop: decided}")
         + "requirements: [{name: a, metric: velocity_error_3d, probability: 0.5, below: 1 m/s, confidence: 0.5}]\n"
     )
-    assert sum(len(flown(share(study, fakes, number, 2)[0])) for number in (1, 2)) == 6
+    assert sum(len(simulated_blocks(share(study, fakes, number, 2)[0])) for number in (1, 2)) == 6
 
 
 def test_a_shard_that_was_interrupted_goes_on(study, fakes) -> None:
@@ -83,7 +83,7 @@ def test_a_shard_that_was_interrupted_goes_on(study, fakes) -> None:
         fly(load(study.path), Path("one"), part, fake, fakes.store(2))
     again = fakes.Fake()
     fly(load(study.path), Path("one"), part, again, fakes.store())
-    assert len(flown(again)) == 4
+    assert len(simulated_blocks(again)) == 4
 
 
 @pytest.fixture

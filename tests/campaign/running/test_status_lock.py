@@ -83,7 +83,7 @@ def hold(folder: Path, held: Event) -> None:
 
 
 def test_a_process_that_is_killed_leaves_no_lock(tmp_path: Path) -> None:
-    forks = multiprocessing.get_context("fork")  # which has imported everything
+    forks = multiprocessing.get_context("fork")  # a fork need not import the package again
     held = forks.Event()
     process = forks.Process(target=hold, args=(tmp_path, held))
     process.start()
@@ -104,7 +104,7 @@ def test_a_folder_that_is_not_there_is_made(tmp_path: Path) -> None:
 
 @pytest.fixture(scope="module")
 def refusals(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
-    """Return what is said of a folder that cannot be written, and of one in it, by a process without more rights."""
+    """Return the messages for a read-only folder and for a folder below it, from a process without root's rights."""
     place = tmp_path_factory.mktemp("closed")
     (place / "results").mkdir(mode=0o500)
     drop = []

@@ -35,7 +35,7 @@ def campaign(study):
     return load(study.append(ASKED))
 
 
-def flown(fakes, campaign, folder, jobs=1, **how):
+def run_campaign(fakes, campaign, folder, jobs=1, **how):
     fake = fakes.Fake(**how)
     folder.mkdir(parents=True, exist_ok=True)
     execute.run(campaign, folder, RunOptions(jobs), engine=fake.engine(), store=fakes.store())
@@ -43,7 +43,7 @@ def flown(fakes, campaign, folder, jobs=1, **how):
 
 
 def test_a_case_flies_no_further_than_to_its_decision(fakes, campaign, tmp_path):
-    fake, runs = flown(fakes, campaign, tmp_path / "a")
+    fake, runs = run_campaign(fakes, campaign, tmp_path / "a")
     good = max(decide([0] * 50, 0.95, 0.9, 40)[1], decide([0] * 50, 0.9, 0.9, 40)[1])
     poor = max(decide(list(range(10, 500, 10)), p, 0.9, 40)[1] for p in (0.95, 0.9))
     assert runs == {"imu=good": good, "imu=poor": poor}
@@ -76,19 +76,19 @@ def test_a_campaign_that_was_interrupted_ends_at_the_same_runs(fakes, campaign, 
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        flown(fakes, campaign, tmp_path / "b", on_block=interrupt)
-    flown(fakes, campaign, tmp_path / "a")
-    flown(fakes, campaign, tmp_path / "b")
+        run_campaign(fakes, campaign, tmp_path / "b", on_block=interrupt)
+    run_campaign(fakes, campaign, tmp_path / "a")
+    run_campaign(fakes, campaign, tmp_path / "b")
     assert fakes.tables(tmp_path / "a") == fakes.tables(tmp_path / "b")
-    again, _ = flown(fakes, campaign, tmp_path / "b")
+    again, _ = run_campaign(fakes, campaign, tmp_path / "b")
     assert [call for call in again.calls if call.what == "block"] == []
 
 
 def test_more_runs_may_be_allowed_later_and_change_nothing_that_was_decided(fakes, campaign, study, tmp_path):
     fewer = load(study.append(ASKED.replace("2000", "80")))
-    flown(fakes, fewer, tmp_path / "a")
-    flown(fakes, campaign, tmp_path / "a")
-    flown(fakes, campaign, tmp_path / "b")
+    run_campaign(fakes, fewer, tmp_path / "a")
+    run_campaign(fakes, campaign, tmp_path / "a")
+    run_campaign(fakes, campaign, tmp_path / "b")
     assert fakes.tables(tmp_path / "a") == fakes.tables(tmp_path / "b")
 
 
@@ -115,7 +115,7 @@ def test_a_block_that_is_not_whole_or_whose_metric_is_unknown_decides_nothing(ca
 def test_without_the_word_every_run_is_flown(study, fakes, tmp_path):
     campaign = load(study.append(ASKED.replace("2000, stop: decided", "200")))
     assert not Stopping(campaign).is_early
-    assert set(flown(fakes, campaign, tmp_path / "a")[1].values()) == {200}
+    assert set(run_campaign(fakes, campaign, tmp_path / "a")[1].values()) == {200}
 
 
 @pytest.mark.parametrize(

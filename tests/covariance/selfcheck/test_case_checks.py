@@ -8,7 +8,7 @@ from lvnav_trade.covariance.selfcheck.case_checks import check_prepared
 from lvnav_trade.covariance.selfcheck.check import set_bounds
 from tests.both_engines.combinations import scenario_of
 from tests.both_engines.covering import DIMENSIONS
-from tests.both_engines.flown import flight
+from tests.both_engines.short_flights import flight
 from tests.building import prepare_hop
 from tests.covariance.diagnostics.checked import SEED, failed, rich
 

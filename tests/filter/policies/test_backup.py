@@ -21,7 +21,7 @@ LARGE = {"position": "3 km", "velocity": "1 m/s"}
 
 
 @lru_cache(maxsize=8)
-def flown(*settings, initial=(), **fields):
+def prepare_case(*settings, initial=(), **fields):
     scenario = loaded(MATCHED, *settings)
     card, start = with_fields(scenario.filter, **fields), with_fields(scenario.initial, **dict(initial))
     return prepare_hop(scenario.model_copy(update={"filter": card, "initial": start}))
@@ -29,14 +29,14 @@ def flown(*settings, initial=(), **fields):
 
 @lru_cache(maxsize=8)
 def simulated(*settings, initial=(), **fields):
-    return run_block(flown(*settings, initial=initial, **fields), SEED, 0, RUNS)
+    return run_block(prepare_case(*settings, initial=initial, **fields), SEED, 0, RUNS)
 
 
 # -------------------------------------------------------------------------------------------------------------- backup
 
 
 def test_a_strapdown_that_is_never_corrected_is_a_pure_inertial_system_on_the_same_draws():
-    prepared_case = flown(backup=True)
+    prepared_case = prepare_case(backup=True)
     at = [k for k, output in enumerate(prepared_case.outputs) if output.quantity.startswith("backup_")]
     assert [prepared_case.outputs[k].quantity for k in at[::3]] == [
         "backup_attitude",
@@ -59,7 +59,7 @@ def test_the_closed_loop_beside_it_flies_as_without():
 
 
 def test_linear_covariance_gives_it_by_source_as_of_a_pure_inertial_system():
-    both, alone = covariance(flown(backup=True)), covariance(flown(INERTIAL))
+    both, alone = covariance(prepare_case(backup=True)), covariance(prepare_case(INERTIAL))
     n = both.formal_sigma.shape[1] - 9
     np.testing.assert_allclose(both.formal_sigma[:, n:], alone.formal_sigma[:, :9], rtol=1e-12)
     np.testing.assert_allclose(both.true_sigma[:, n:], alone.true_sigma[:, :9], rtol=1e-12)
@@ -72,7 +72,7 @@ def test_linear_covariance_gives_it_by_source_as_of_a_pure_inertial_system():
 
 
 def test_its_adjoint_and_its_covariances_by_source_are_those_of_linear_covariance():
-    prepared_case, last = flown(backup=True), 30.0
+    prepared_case, last = prepare_case(backup=True), 30.0
     history, back = covariance(prepared_case), adjoint(prepared_case, last)
     n = history.formal_sigma.shape[1] - 9
     assert [output.quantity for output in back.outputs[9::3]] == [o.quantity for o in prepared_case.outputs[n::3]]
@@ -81,7 +81,7 @@ def test_its_adjoint_and_its_covariances_by_source_are_those_of_linear_covarianc
         np.testing.assert_allclose(
             found[:, part], expected[:, columns], rtol=1e-6, atol=1e-9 * expected[:, columns].max()
         )
-    alone = covariance(flown(INERTIAL))
+    alone = covariance(prepare_case(INERTIAL))
     by_source = source_covariances(prepared_case, last)
     assert by_source.shape[1:] == (6, 3, 3)
     total = np.diagonal(by_source.sum(axis=0), axis1=1, axis2=2).ravel()
@@ -93,7 +93,7 @@ def test_its_adjoint_and_its_covariances_by_source_are_those_of_linear_covarianc
 
 def test_a_direct_filter_linearises_every_scalar_where_the_one_before_has_left_the_state():
     """One epoch from 3 km away, against a loop in numpy that fills its rows anew after every scalar."""
-    prepared_case, epoch = flown(feedback="direct", initial=tuple(LARGE.items())), 5
+    prepared_case, epoch = prepare_case(feedback="direct", initial=tuple(LARGE.items())), 5
     model, signals, dt = prepared_case.model, prepared_case.signals, prepared_case.unit.dt
     n_row = 2 * signals.n_used[epoch]
 
@@ -133,7 +133,9 @@ def test_direct_and_closed_loop_are_the_same_but_for_second_order():
     rms = [np.sqrt(np.mean(block.err[:, 5:, :9] ** 2, axis=(0, 1))) for block in (one, other)]
     np.testing.assert_allclose(rms[0], rms[1], rtol=0.01)
     assert np.abs(one.err - other.err).max() > 0.0
-    np.testing.assert_array_equal(covariance(flown(feedback="direct")).formal_sigma, covariance(flown()).formal_sigma)
+    np.testing.assert_array_equal(
+        covariance(prepare_case(feedback="direct")).formal_sigma, covariance(prepare_case()).formal_sigma
+    )
     far, near = (simulated(feedback=name, initial=tuple(LARGE.items())) for name in ("direct", "closed"))
     apart = np.abs(far.err[:, 1, 6:9] - near.err[:, 1, 6:9]).max()
     assert apart > 100.0 * np.abs(one.err[:, 1, 6:9] - other.err[:, 1, 6:9]).max()

@@ -21,7 +21,7 @@ RUNS, SEED = 24, 7
 
 
 @lru_cache(maxsize=8)
-def flown(initial=(), *settings, **fields):
+def prepare_case(initial=(), *settings, **fields):
     scenario = loaded("base.filter=filters/tight", *settings)
     card = with_fields(scenario.filter, **({"algorithm": "iterated", "gate": None} | fields))
     start = with_fields(scenario.initial, **dict(initial))
@@ -88,7 +88,7 @@ def minimum(prepared_case, work, P, epoch=0):
 
 def test_passes_lead_to_the_least_cost_where_one_update_does_not():
     """A start 300 km off: the lines of sight turn by a degree, and one update is a kilometre off."""
-    prepared_case = flown(iterations=8)
+    prepared_case = prepare_case(iterations=8)
     off = np.array([200e3, -150e3, 150e3])
     work, P, first = updated(prepared_case, off, 300e3)
     found = work.x[6:9].copy()
@@ -99,13 +99,13 @@ def test_passes_lead_to_the_least_cost_where_one_update_does_not():
 
 
 def test_counts_are_those_of_one_update():
-    prepared_case = flown(iterations=8)
+    prepared_case = prepare_case(iterations=8)
     work, _, _ = updated(prepared_case, np.zeros(3), 10.0)
     assert work.n_row[0] == ekf.receiver_row_count(prepared_case.model, prepared_case.signals, 0)
 
 
 def test_small_errors_leave_an_extended_filter():
-    again, once = (run_block(flown(algorithm=name), SEED, 0, RUNS) for name in ("iterated", "extended"))
+    again, once = (run_block(prepare_case(algorithm=name), SEED, 0, RUNS) for name in ("iterated", "extended"))
     size = np.sqrt(np.mean(once.err**2, axis=(0, 1)))
     assert np.all(np.abs(again.err - once.err).max(axis=(0, 1))[:9] < 1e-3 * size[:9])
     assert again.n_row.tolist() == once.n_row.tolist()
@@ -115,7 +115,7 @@ def test_from_far_off_the_first_epoch_is_as_good_as_from_near():
     """From 30 km off one pass leaves what the lines of sight turn by: some 50 m, and the filter does not know."""
 
     def after_one(distance, name):
-        block = run_block(flown((("position", distance),), algorithm=name), SEED, 0, RUNS)
+        block = run_block(prepare_case((("position", distance),), algorithm=name), SEED, 0, RUNS)
         return math.sqrt(np.mean(np.sum(block.err[:, 1, 6:9] ** 2, axis=1)))
 
     near = after_one("300 m", "iterated")
@@ -124,11 +124,11 @@ def test_from_far_off_the_first_epoch_is_as_good_as_from_near():
 
 
 def test_linear_covariance_is_that_of_the_extended_filter():
-    again, once = (covariance(flown(algorithm=name)) for name in ("iterated", "extended"))
+    again, once = (covariance(prepare_case(algorithm=name)) for name in ("iterated", "extended"))
     assert np.array_equal(again.true_sigma, once.true_sigma)
     assert np.array_equal(again.formal_sigma, once.formal_sigma)
 
 
 def test_a_filter_that_linearises_at_every_scalar_is_not_iterated():
     with pytest.raises(ValueError, match="direct"):
-        flown(feedback="direct")
+        prepare_case(feedback="direct")

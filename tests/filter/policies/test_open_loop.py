@@ -25,7 +25,7 @@ LOGIC = {
 }  # fmt: skip
 
 
-def flown(*settings, faults=(), initial=None, history=1.0, **fields):
+def prepare_case(*settings, faults=(), initial=None, history=1.0, **fields):
     """The short flight of a matched unit; fields of the filter's card, faults and initial errors replaced."""
     scenario = loaded(MATCHED, *settings)
     card = with_fields(scenario.filter, **fields)
@@ -41,7 +41,7 @@ def errors(prepared_case, runs=24, seed=3):
 def test_for_small_errors_open_and_closed_loop_are_the_same(coupling):
     small = {"tilt": "0.005 deg", "heading": "0.005 deg", "position": "1 m", "velocity": "0.01 m/s"}
     unit = "base.imu=imu/navigation_matched"
-    closed, opened = (flown(coupling, unit, initial=small, **fields) for fields in ({}, OPEN))
+    closed, opened = (prepare_case(coupling, unit, initial=small, **fields) for fields in ({}, OPEN))
     sigma = covariance(closed).true_sigma[:, :9]
     one, other = errors(closed), errors(opened)
     assert np.max(np.abs(one - other) / sigma) < 2e-3
@@ -53,7 +53,7 @@ def test_the_error_state_is_propagated_by_every_step_however_seldom_the_covarian
     small = {"tilt": "0.005 deg", "heading": "0.005 deg", "position": "1 m", "velocity": "0.01 m/s"}
     unit = "base.imu=imu/navigation_matched"
     closed, opened, often = (
-        flown(LOOSE, unit, initial=small, **fields)
+        prepare_case(LOOSE, unit, initial=small, **fields)
         for fields in ({"transition_rate": "0.2 Hz"}, {"transition_rate": "0.2 Hz", **OPEN}, OPEN)
     )
     sigma = covariance(closed).true_sigma[:, :9]
@@ -67,7 +67,7 @@ def test_what_they_differ_by_is_of_second_order_in_the_initial_error():
     differences = []
     for size in ("0.2 deg", "0.4 deg", "0.8 deg"):
         same = {"tilt": size, "heading": size}
-        pair = [flown(LOOSE, initial=same, **fields) for fields in ({}, OPEN)]
+        pair = [prepare_case(LOOSE, initial=same, **fields) for fields in ({}, OPEN)]
         one, other = (errors(prepared_case) for prepared_case in pair)
         differences.append(np.sqrt(np.mean((one - other)[:, -1, 3:6] ** 2)))
     ratios = np.array(differences[1:]) / differences[:-1]
@@ -76,21 +76,21 @@ def test_what_they_differ_by_is_of_second_order_in_the_initial_error():
 
 def test_nothing_that_is_estimated_reaches_the_strapdown():
     """Outputs that are never corrected are those of the inertial system alone."""
-    never = flown(LOOSE, **OPEN, logic={**LOGIC, "correct_after": "1 h"})
-    np.testing.assert_allclose(errors(never, 8), errors(flown(INERTIAL), 8), rtol=1e-9, atol=1e-9)
-    corrected = errors(flown(LOOSE, **OPEN, logic=LOGIC), 8)
+    never = prepare_case(LOOSE, **OPEN, logic={**LOGIC, "correct_after": "1 h"})
+    np.testing.assert_allclose(errors(never, 8), errors(prepare_case(INERTIAL), 8), rtol=1e-9, atol=1e-9)
+    corrected = errors(prepare_case(LOOSE, **OPEN, logic=LOGIC), 8)
     assert np.abs(corrected[:, -1, 6:9]).max() < 0.2 * np.abs(errors(never, 8)[:, -1, 6:9]).max()
 
 
 def test_linear_covariance_describes_the_open_loop():
-    prepared_case, runs = flown(LOOSE, **OPEN), 400
+    prepared_case, runs = prepare_case(LOOSE, **OPEN), 400
     history, err = covariance(prepared_case), errors(prepared_case, runs)
     at = [int(np.argmin(np.abs(prepared_case.t_hist - t))) for t in (5.0, 15.0, 30.0)]
     ratio = err[:, at].var(axis=0, ddof=1) / history.true_sigma[at, :9] ** 2
     tail = 1e-3 / 2 / ratio.size
     low, high = chi2.ppf([tail, 1.0 - tail], runs - 1) / (runs - 1)
     assert np.all((ratio > low) & (ratio < high)), ratio.round(2)
-    np.testing.assert_array_equal(history.true_sigma, covariance(flown(LOOSE)).true_sigma)
+    np.testing.assert_array_equal(history.true_sigma, covariance(prepare_case(LOOSE)).true_sigma)
 
 
 LATE = {"start_after": 3, "correct_after": "12 s"}
@@ -98,21 +98,21 @@ LATE = {"start_after": 3, "correct_after": "12 s"}
 
 def test_linear_covariance_describes_outputs_that_are_not_corrected_at_first():
     """The filter starts at 3 s and corrects from 15 s on: before, the outputs are those of the inertial system."""
-    prepared_case, runs = flown(LOOSE, **OPEN, logic=LATE), 400
+    prepared_case, runs = prepare_case(LOOSE, **OPEN, logic=LATE), 400
     history, err = covariance(prepared_case), errors(prepared_case, runs)
     at = [int(np.argmin(np.abs(prepared_case.t_hist - t))) for t in (2.0, 10.0, 14.0, 15.0, 25.0)]
     ratio = err[:, at].var(axis=0, ddof=1) / history.true_sigma[at, :9] ** 2
     tail = 1e-3 / 2 / ratio.size
     low, high = chi2.ppf([tail, 1.0 - tail], runs - 1) / (runs - 1)
     assert np.all((ratio > low) & (ratio < high)), ratio.round(2)
-    corrected, alone = (covariance(flown(*card, **OPEN)) for card in ((LOOSE,), (INERTIAL,)))
+    corrected, alone = (covariance(prepare_case(*card, **OPEN)) for card in ((LOOSE,), (INERTIAL,)))
     np.testing.assert_allclose(history.true_sigma[at[2], :9], alone.true_sigma[at[2], :9], rtol=1e-9)
     assert history.true_sigma[at[2], 6:9].max() > 3.0 * corrected.true_sigma[at[2], 6:9].max()
 
 
 @pytest.mark.parametrize("time", [14.0, 25.0])
 def test_budget_and_adjoint_are_those_of_the_outputs_corrected_or_not(time):
-    prepared_case = flown(LOOSE, **OPEN, logic=LATE)
+    prepared_case = prepare_case(LOOSE, **OPEN, logic=LATE)
     history, hist = covariance(prepared_case), int(np.argmin(np.abs(prepared_case.t_hist - time)))
     variance = history.true_sigma[hist, :9] ** 2
     np.testing.assert_allclose(history.budget[hist, :, :9].sum(axis=0), variance, rtol=1e-9)
@@ -125,7 +125,7 @@ STOPS, CORRECTS_AGAIN = 13.0, 26.0  # four epochs without a sample; two more aft
 
 
 def stopped(after_stop, **logic):
-    return flown(LOOSE, **OPEN, logic={**STOP, **logic, "after_stop": after_stop}, faults=LOSS)
+    return prepare_case(LOOSE, **OPEN, logic={**STOP, **logic, "after_stop": after_stop}, faults=LOSS)
 
 
 def test_a_held_correction_differs_from_the_inertial_system_by_the_estimate_at_the_stop():
@@ -196,7 +196,7 @@ def test_eight_error_states_are_propagated_as_one_is():
     ],
 )
 def test_a_run_is_the_same_alone_and_among_eight(coupling, faults):
-    prepared_case = flown(coupling, faults=[faults], **OPEN, logic=LOGIC)
+    prepared_case = prepare_case(coupling, faults=[faults], **OPEN, logic=LOGIC)
     eight, one = run_block(prepared_case, 3, 0, 8), run_block(prepared_case, 3, 5, 1, uses_lanes=False)
     np.testing.assert_allclose(one.err[0], eight.err[5], rtol=1e-7, atol=1e-9)
     np.testing.assert_array_equal(one.changes, eight.changes[eight.changes[:, 0] == 5])
@@ -209,7 +209,7 @@ def test_a_run_is_the_same_alone_and_among_eight(coupling, faults):
 @lru_cache(maxsize=32)
 def story(*, fault=None, **changed):
     """Return the first run's changes as (t, after, reason), all runs having the same, and the block."""
-    prepared_case = flown(LOOSE, faults=[dict(fault)] if fault else [], **OPEN, logic={**LOGIC, **changed})
+    prepared_case = prepare_case(LOOSE, faults=[dict(fault)] if fault else [], **OPEN, logic={**LOGIC, **changed})
     block = run_block(prepared_case, 3, 0, 16)
     reported = [
         [(t, MODES[int(after)], REASONS[int(why)]) for run, t, _, after, why in block.changes if run == k]
@@ -285,7 +285,7 @@ def test_a_loss_that_persists_stops_it_and_data_start_it_again():
         (26.0, "aiding", "converged"),
     ]
     at = int(np.argmin(np.abs(block.t - 18.0)))
-    inertial = errors(flown(INERTIAL), 16)
+    inertial = errors(prepare_case(INERTIAL), 16)
     np.testing.assert_allclose(block.err[:, at, :9], inertial[:, at], rtol=1e-9, atol=1e-9)  # aiding has stopped
     assert story(fault=fault("satellite_outage", duration=8), restart_after=())[0][-1][1] == "stopped"
     assert story(fault=fault("satellite_outage", duration=8), stop_after=None)[0][-1] == (20.0, "aiding", "data again")
@@ -309,7 +309,7 @@ def test_a_covariance_out_of_bounds_stops_it():
 
 def test_intermittent_loss_is_bridged():
     faults = [dict(fault("satellite_outage", start=s, duration=2)) for s in (10, 14, 18, 22)]
-    block = run_block(flown(LOOSE, faults=faults, **OPEN, logic=LOGIC), 3, 0, 8)
+    block = run_block(prepare_case(LOOSE, faults=faults, **OPEN, logic=LOGIC), 3, 0, 8)
     reasons = {REASONS[int(why)] for why in block.changes[:, 4]}
     assert reasons == {"good samples in a row", "converged", "data lost", "data again"}
 
@@ -322,7 +322,7 @@ def test_started_from_the_receiver_a_bad_start_is_forgotten_at_once():
         "clock_drift": "1 m/s",
     }  # fmt: skip
     for feedback in ("open", "closed"):
-        scenario = flown(LOOSE, initial=bad, init="from_gnss", feedback=feedback).scenario
+        scenario = prepare_case(LOOSE, initial=bad, init="from_gnss", feedback=feedback).scenario
         card = with_fields(scenario.filter, initial=model)
         known = prepare_hop(scenario.model_copy(update={"filter": card}))
         trusted = prepare_hop(scenario.model_copy(update={"filter": with_fields(card, init="from_card")}))
@@ -335,7 +335,7 @@ def test_started_from_the_receiver_a_bad_start_is_forgotten_at_once():
 def test_a_tight_filter_checks_ranges_and_bridges_a_loss():
     """Ranges of every satellite are checked: a wild one leaves the epoch's sample out; a loss is predicted through."""
     loss = fault("satellite_outage", duration=3)
-    prepared_case = flown(TIGHT, faults=[dict(loss)], **OPEN, logic=LOGIC)
+    prepared_case = prepare_case(TIGHT, faults=[dict(loss)], **OPEN, logic=LOGIC)
     block = run_block(prepared_case, 3, 0, 8)
     reported = [
         [(t, MODES[int(after)], REASONS[int(why)]) for run, t, _, after, why in block.changes if run == k]
@@ -344,7 +344,7 @@ def test_a_tight_filter_checks_ranges_and_bridges_a_loss():
     assert reported == [[*NORMAL, (12.0, "predicting", "data lost"), (15.0, "aiding", "data again")]] * 8
     assert np.all(block.n_row[:, [0, 1, 11, 12, 13]] == 0)
     np.testing.assert_array_equal(block.n_row[:, 4], 2 * prepared_case.signals.n_used[4])
-    apart = run_block(flown(TIGHT, **OPEN, logic={**LOGIC, "wild_position": "3 m"}), 3, 0, 8)
+    apart = run_block(prepare_case(TIGHT, **OPEN, logic={**LOGIC, "wild_position": "3 m"}), 3, 0, 8)
     assert np.all(apart.n_row.sum(axis=1) < block.n_row.sum(axis=1))
 
 
@@ -355,7 +355,7 @@ def test_of_late_measurements_open_and_closed_loop_make_the_same_and_one_run_is_
     small = {"tilt": "0.005 deg", "heading": "0.005 deg", "position": "1 m", "velocity": "0.01 m/s"}
     compensation = {"delay_compensation": {"kind": kind}}
     unit, latency = "base.imu=imu/navigation_matched", "base.receiver.latency=300 ms"
-    closed, opened = (flown(LOOSE, unit, latency, initial=small, **compensation, **loop) for loop in ({}, OPEN))
+    closed, opened = (prepare_case(LOOSE, unit, latency, initial=small, **compensation, **loop) for loop in ({}, OPEN))
     sigma = covariance(closed).true_sigma[:, :9]
     one, other = run_block(closed, 3, 0, 8), run_block(opened, 3, 0, 8)
     assert np.max(np.abs(one.err - other.err)[:, :, :9] / sigma) < 2e-3

@@ -30,7 +30,7 @@ SLOPE = (1.0 - WIDE**2 / 3.0) * math.exp(-0.5 * WIDE**2)  # Cov(C l, rotation ve
 
 
 @lru_cache(maxsize=8)
-def flown(*settings, initial=(), **fields):
+def prepare_case(*settings, initial=(), **fields):
     scenario = loaded(*settings)
     card = with_fields(scenario.filter, **({"algorithm": "unscented"} | fields))
     start = with_fields(scenario.initial, **dict(initial))
@@ -128,7 +128,7 @@ def spread(prepared_case, **blocks):
 
 
 def test_the_factor_has_every_state_and_one_that_others_fix_has_none():
-    prepared_case = flown(SCALE)
+    prepared_case = prepare_case(SCALE)
     n = prepared_case.layout.n_state
     P = random_covariance(n, spread(prepared_case))
     P[8], P[:, 8] = 2.0 * P[3], 2.0 * P[:, 3]  # a position that is known by a velocity
@@ -157,7 +157,7 @@ def test_a_rotation_between_attitudes_is_that_of_scipy(degrees):
 
 
 def test_a_window_is_that_of_a_dense_filter_with_points_over_all_states():
-    prepared_case = flown(SCALE)
+    prepared_case = prepare_case(SCALE)
     P = random_covariance(prepared_case.layout.n_state, spread(prepared_case, attitude=WIDE, position=300.0))
     work, before = propagated(prepared_case, P)
     wanted, mean = dense(prepared_case, P)
@@ -172,7 +172,7 @@ def test_a_window_is_that_of_a_dense_filter_with_points_over_all_states():
 
 def test_with_an_attitude_that_is_hardly_known_the_mean_of_the_velocity_gained_is_the_closed_forms():
     """Of a rotation vector of equal sigma on each axis E[C] is a multiple of the identity."""
-    prepared_case = flown(LOOSE)
+    prepared_case = prepare_case(LOOSE)
     P = np.diag(spread(prepared_case, attitude=WIDE) ** 2)
     work, before = propagated(prepared_case, P)
     gained = np.array(work.sums[9:12])
@@ -186,7 +186,7 @@ def test_with_an_attitude_that_is_hardly_known_the_mean_of_the_velocity_gained_i
 
 
 def test_a_lever_arm_that_hardly_has_a_direction_shortens_by_the_closed_form():
-    prepared_case, epoch = flown(LOOSE, ARM), 3
+    prepared_case, epoch = prepare_case(LOOSE, ARM), 3
     model, dt = prepared_case.model, prepared_case.unit.dt
     P = np.diag(spread(prepared_case, attitude=WIDE) ** 2)
     work, sigma_points, _ = windowed(prepared_case, P)
@@ -213,24 +213,24 @@ def test_a_lever_arm_that_hardly_has_a_direction_shortens_by_the_closed_form():
 
 
 def test_for_small_errors_it_is_the_extended_filter():
-    one, other = (run_block(flown(algorithm=name), SEED, 0, RUNS) for name in ("unscented", "extended"))
+    one, other = (run_block(prepare_case(algorithm=name), SEED, 0, RUNS) for name in ("unscented", "extended"))
     np.testing.assert_allclose(one.sigma, other.sigma, rtol=1e-4)
     assert 0.0 < np.abs((one.err - other.err) / other.sigma).max() < 0.02
 
 
 @pytest.mark.slow  # the kernel of one run by itself
 def test_a_run_is_the_same_alone_and_among_eight():
-    prepared_case = flown()
+    prepared_case = prepare_case()
     one, eight = run_block(prepared_case, SEED, 0, 2, uses_lanes=False), run_block(prepared_case, SEED, 0, 2)
     np.testing.assert_allclose(one.err / eight.sigma, eight.err / eight.sigma, rtol=0, atol=1e-6)
 
 
 def test_an_open_loop_by_points_is_the_closed_one_where_that_by_jacobians_no_longer_is():
     start = (("heading", "8 deg"), ("tilt", "2 deg"))
-    closed = run_block(flown(initial=start), SEED, 0, RUNS)
+    closed = run_block(prepare_case(initial=start), SEED, 0, RUNS)
     apart_by = {}
     for name in ("unscented", "extended"):
-        opened = run_block(flown(initial=start, feedback="open", algorithm=name), SEED, 0, RUNS)
+        opened = run_block(prepare_case(initial=start, feedback="open", algorithm=name), SEED, 0, RUNS)
         apart_by[name] = np.sqrt(np.mean(((opened.err - closed.err) / closed.sigma)[:, -1, :9] ** 2))
     assert apart_by["unscented"] < 0.2 * apart_by["extended"]
 

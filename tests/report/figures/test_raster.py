@@ -81,18 +81,18 @@ with get_context("fork").Pool(1, maxtasksperchild=1) as processes:
 
 
 @pytest.fixture(scope="module")
-def drawn() -> tuple[dict[str, str], str]:
-    """Return what a figure begins with by the backend that is named, and what is written to standard error."""
+def first_characters() -> tuple[dict[str, str], str]:
+    """Return the first characters of a figure by the name of the backend, and the standard error."""
     command = [sys.executable, "-c", DRAW, *BACKENDS]
     found = subprocess.run(command, capture_output=True, text=True, check=True, timeout=600)
     return dict(zip(BACKENDS, found.stdout.split(), strict=True)), found.stderr
 
 
 @pytest.mark.parametrize("name", BACKENDS)
-def test_figures_need_no_backend_that_a_notebook_names(name: str, drawn: tuple[dict[str, str], str]) -> None:
+def test_figures_need_no_backend_that_a_notebook_names(name: str, first_characters: tuple[dict[str, str], str]) -> None:
     """As `!lvnav-trade ...` in a notebook runs it: the variable names a package of another installation."""
-    begins, reported = drawn
-    assert (begins[name], reported) == ("PNG", "")
+    characters, standard_error = first_characters
+    assert (characters[name], standard_error) == ("PNG", "")
 
 
 def test_files_of_workers_are_those_of_one_process():

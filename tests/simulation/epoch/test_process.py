@@ -32,18 +32,18 @@ def shortened(scenario):
     schedule = type(prepared.schedule)(*(windows[: last + 1].copy() for windows in prepared.schedule))
     return prepared._replace(schedule=schedule)
 
-def flown(prepared, source):
+def compute(prepared, source):
     history, block, back = covariance(prepared), run_block(prepared, 1, 0, 1), adjoint(prepared, 4.0, bin_seconds=1.0)
     put_in = back.contribution[3, back.sources.index(source)]
     sigma = float(history.formal_sigma[4, 3])
     return [block.n_row[0, :4].tolist(), history.n_row[:4].tolist(), put_in.tolist(), sigma]
 
 prepared, found, present = shortened(BRIEF), {}, process.is_present
-found["usual"] = flown(prepared, "range-rate noise")
+found["usual"] = compute(prepared, "range-rate noise")
 process.is_present = lambda delayed, model, epoch, channel: (
     present(delayed, model, epoch, channel) and (epoch == 0 or channel % 2 == 0)
 )
-found["policy"] = flown(prepared, "range-rate noise")
+found["policy"] = compute(prepared, "range-rate noise")
 process.is_present = present
 
 def process_at_first(work, parts, case, joint, open_loop, sensors, rules, epoch):
@@ -52,10 +52,10 @@ def process_at_first(work, parts, case, joint, open_loop, sensors, rules, epoch)
 
 changes = {"filter.measurements": ["pseudorange", "range_rate", "altitude"], "filter.clock": "differenced"}
 prepared = shortened(with_fields(BRIEF, sensors={"altitude": ALTIMETER}, **changes))
-found["all usual"] = flown(prepared, "range-rate noise")
+found["all usual"] = compute(prepared, "range-rate noise")
 process.process_as_usual = FunctionType(process.process_epoch.__code__, vars(process))
 process.process_epoch.__code__ = process_at_first.__code__  # whoever has imported it gets the rule
-found["all policy"] = flown(prepared, "range-rate noise")
+found["all policy"] = compute(prepared, "range-rate noise")
 print(json.dumps(found))
 """
 

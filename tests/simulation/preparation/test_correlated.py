@@ -61,7 +61,7 @@ WAYS = [
 
 
 @lru_cache(maxsize=64)
-def flown(name, way):
+def prepare_case(name, way):
     coupling, fields, _, state = CAUSES[name]
     scenario = loaded(MATCHED, *([LOOSE] if coupling == "loose" else []))
     card = scenario.filter
@@ -99,7 +99,7 @@ def low_hop():
 
 @pytest.mark.parametrize(("name", "way"), WAYS)
 def test_true_covariance_agrees_with_monte_carlo(name, way):
-    prepared_case = flown(name, way)
+    prepared_case = prepare_case(name, way)
     history, block = covariance(prepared_case), run_block(prepared_case, 3, 0, RUNS)
     at = [int(np.argmin(np.abs(prepared_case.t_hist - t))) for t in (5.0, 12.0, 20.0, 30.0)]
     ratio = np.mean(block.err[:, at] ** 2, axis=0) / (history.true_sigma[at] ** 2 + history.mean[at] ** 2)
@@ -110,7 +110,7 @@ def test_true_covariance_agrees_with_monte_carlo(name, way):
 
 @pytest.mark.parametrize(("name", "way"), WAYS)
 def test_the_source_has_its_line_in_the_budget_and_forward_equals_backward(name, way):
-    prepared_case, source = flown(name, way), CAUSES[name][2]
+    prepared_case, source = prepare_case(name, way), CAUSES[name][2]
     history = covariance(prepared_case)
     np.testing.assert_allclose(history.budget.sum(axis=1), history.true_sigma**2, rtol=1e-10)
     line = history.sources.index(source)
@@ -123,12 +123,14 @@ def test_the_source_has_its_line_in_the_budget_and_forward_equals_backward(name,
 
 @pytest.mark.parametrize("name", [name for name, cause in CAUSES.items() if cause[3]])
 def test_a_neglected_error_makes_the_filter_optimistic_and_a_state_for_it_consistent(name):
-    neglected, considered, estimated = (covariance(flown(name, way)) for way in ("neglect", "consider", "estimate"))
-    worst = np.nanmax(neglected.expected_nees) / flown(name, "neglect").layout.n_estimated
+    neglected, considered, estimated = (
+        covariance(prepare_case(name, way)) for way in ("neglect", "consider", "estimate")
+    )
+    worst = np.nanmax(neglected.expected_nees) / prepare_case(name, "neglect").layout.n_estimated
     assert worst > (1.02 if name in WORLD else 1.2)
     # what considering leaves is the matched filter's own covariance: expected NEES is the number of states
     for way, history in (("consider", considered), ("estimate", estimated)):
-        count = flown(name, way).layout.n_estimated
+        count = prepare_case(name, way).layout.n_estimated
         np.testing.assert_allclose(history.expected_nees[1:], count, rtol=2e-2)
     assert np.linalg.norm(estimated.true_sigma[-1, 6:9]) < 1.001 * np.linalg.norm(neglected.true_sigma[-1, 6:9])
 
@@ -138,6 +140,6 @@ def test_an_error_that_no_card_names_leaves_no_family():
 
 
 def test_lanes_and_one_run_at_a_time_fly_the_same_errors():
-    prepared_case = flown("multipath", "estimate")
+    prepared_case = prepare_case("multipath", "estimate")
     many, one = run_block(prepared_case, 3, 0, 9), run_block(prepared_case, 3, 8, 1, uses_lanes=False)
     np.testing.assert_array_equal(many.err[8], one.err[0])

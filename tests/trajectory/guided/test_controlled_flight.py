@@ -40,7 +40,7 @@ def ascent():
 
 
 @lru_cache(maxsize=4)
-def flown(realisation=3):
+def controlled_launch(realisation=3):
     steered = card(realisation=realisation).control
     return fly_launch(ascent(), steered_launch(ascent(), steered), steered)
 
@@ -56,7 +56,7 @@ def looped():
 def test_rate_is_the_derivative_of_attitude_and_force_that_of_speed_less_gravity(span):
     step = 1e-4
     t = np.linspace(*span, 400)
-    before, at, after = (motion(flown(), t + shift) for shift in (-step, 0.0, step))
+    before, at, after = (motion(controlled_launch(), t + shift) for shift in (-step, 0.0, step))
     turn = np.einsum("kji,kjl->kil", matrices(before.q_b_i), matrices(after.q_b_i))
     rate = np.stack([turn[:, 2, 1] - turn[:, 1, 2], turn[:, 0, 2] - turn[:, 2, 0], turn[:, 1, 0] - turn[:, 0, 1]]).T
     np.testing.assert_allclose(0.5 * rate / (2.0 * step), at.w_ib_b, atol=2e-6)
@@ -66,7 +66,7 @@ def test_rate_is_the_derivative_of_attitude_and_force_that_of_speed_less_gravity
 
 
 def test_the_increments_of_an_ideal_unit_add_up_to_the_turn_and_the_speed():
-    ref = reference(flown(), 200.0)
+    ref = reference(controlled_launch(), 200.0)
     inside = (ref.t[:-1] > 100.0) & (ref.t[1:] < 110.0)
     turn = np.zeros((3, 3)) + np.eye(3)
     push = np.zeros(3)
@@ -77,10 +77,10 @@ def test_the_increments_of_an_ideal_unit_add_up_to_the_turn_and_the_speed():
         push += turn @ ref.dvel[k]
         turn = turn @ (np.eye(3) + np.sin(angle) * cross + (1.0 - np.cos(angle)) * cross @ cross)
     first, last = np.flatnonzero(inside)[[0, -1]]
-    start, end = motion(flown(), ref.t[[first]]), motion(flown(), ref.t[[last + 1]])
+    start, end = motion(controlled_launch(), ref.t[[first]]), motion(controlled_launch(), ref.t[[last + 1]])
     found = matrices(start.q_b_i)[0].T @ matrices(end.q_b_i)[0]
     np.testing.assert_allclose(turn, found, atol=1e-8)
-    pulled = gravity_along(motion(flown(), ref.t[first : last + 2]).r_i)
+    pulled = gravity_along(motion(controlled_launch(), ref.t[first : last + 2]).r_i)
     speed = (end.v_i - start.v_i)[0] - np.trapezoid(pulled, ref.t[first : last + 2], axis=0)
     np.testing.assert_allclose(matrices(start.q_b_i)[0] @ push, speed, atol=5e-3)  # the force turns within a tick
 
@@ -118,12 +118,12 @@ def test_without_wind_and_errors_the_launch_is_the_ascent():
         assert away[(t > start) & (t < end)].max() < 2.0 * lag + 2e-4, (start, lag)
     first = t < 85.0  # between two motors nothing turns the vehicle as the ascent slews
     assert np.linalg.norm(found.v_i - nominal.v_i, axis=1)[first].max() < 0.5
-    assert np.linalg.norm(motion(flown(), t).v_i - nominal.v_i, axis=1)[first].max() > 10.0
+    assert np.linalg.norm(motion(controlled_launch(), t).v_i - nominal.v_i, axis=1)[first].max() > 10.0
 
 
 def test_the_motion_between_the_ticks_is_that_of_the_loop():
     rows, t = looped().history[0], looped().t
-    ref = reference(flown(), 200.0)
+    ref = reference(controlled_launch(), 200.0)
     at = np.searchsorted(ref.t, t[0] - 1e-9)
     every = 4  # ticks: thrusters switch from tick to tick, a spline does so a little later
     turning = (ref.w_ib_b[at + every :, 1:] - ref.w_ib_b[at:-every, 1:]) * 200.0 / every
@@ -141,7 +141,7 @@ def test_the_motion_between_the_ticks_is_that_of_the_loop():
 
 
 def test_phases_meet_and_the_orbit_is_that_of_the_launch():
-    one, other = flown(), flown(4)
+    one, other = controlled_launch(), controlled_launch(4)
     for before, after in zip(one.phases, one.phases[1:], strict=False):
         assert before.end == after.start
         np.testing.assert_allclose(before.position(before.end), after.position(before.end), atol=1e-6)
@@ -152,13 +152,13 @@ def test_phases_meet_and_the_orbit_is_that_of_the_launch():
 
 
 def test_a_filter_of_the_vehicle_assumes_the_envelope_that_the_autopilot():
-    rows, ref = looped().history[0], reference(flown(), 200.0)
-    found = np.sqrt(walks(EnvelopeCard(), flown(), ref)) * 200.0
+    rows, ref = looped().history[0], reference(controlled_launch(), 200.0)
+    found = np.sqrt(walks(EnvelopeCard(), controlled_launch(), ref)) * 200.0
     at = int(np.searchsorted(ref.t, -1e-9))
     n = min(len(rows), len(found) - at)
     turning, jerk = rows[:n, :, autopilot.TURNING_BOUND], rows[:n, :, autopilot.JERK_BOUND]
     np.testing.assert_allclose(found[at + 1 : at + n, 1:3], turning[1:], rtol=1e-6)
-    cutoffs = [t for name, t in flown().events.items() if name.endswith("cutoff")]
+    cutoffs = [t for name, t in controlled_launch().events.items() if name.endswith("cutoff")]
     past = ref.t[at + 1 : at + n, np.newaxis] - cutoffs  # a nozzle that is let go is a step here, in the loop none
     apart = ~((past > -0.01) & (past < 0.7)).any(axis=1)
     np.testing.assert_allclose(found[at + 1 : at + n, 4:][apart], jerk[1:, ::-1][apart], rtol=1e-6)

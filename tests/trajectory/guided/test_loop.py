@@ -32,7 +32,7 @@ IDEAL = {"time_constant": "0.0001 s", "rate_limit": "100000 deg/s", "deflection_
 PERFECT = FeedbackCard(rate="true", attitude="true", noise="none")
 
 
-def flown(launch, feedback=PERFECT, runs=1, **how):
+def fly_loop(launch, feedback=PERFECT, runs=1, **how):
     return fly_steady(launch, feedback, runs, record_interval=1, **how)
 
 
@@ -40,7 +40,7 @@ def flown(launch, feedback=PERFECT, runs=1, **how):
 def test_gains_give_the_natural_frequency_and_damping_of_the_closed_form(frequency, damping):
     # A step of the commanded attitude: overshoot exp(-pi z / sqrt(1 - z^2)) after pi / (w sqrt(1 - z^2)).
     launch = steady_launch(gains=design(frequency, damping), nozzle=IDEAL, turn=(0.01, 0.0))
-    mission = flown(launch)
+    mission = fly_loop(launch)
     error = mission.history[0, :, 0, ERROR] / 0.01
     peak = int(np.argmax(error))
     damped = frequency * math.sqrt(1.0 - damping**2)
@@ -56,14 +56,14 @@ def test_an_unstable_body_is_held_and_its_integral_takes_the_wind_out():
         60.0, gains={**design(2.5, 0.8, instability=2.0), "integral": "0.4 1/s"}, moment=0.004,
         force=0.04, wind=(10.0, 0.0),
     )  # fmt: skip
-    error = flown(launch).history[0, :, 0, ERROR]
+    error = fly_loop(launch).history[0, :, 0, ERROR]
     assert np.max(np.abs(error)) < math.radians(3.0)
     assert abs(error[-1]) < 0.02 * np.max(np.abs(error))
 
 
 def test_a_nozzle_never_exceeds_its_limits_however_hard_it_is_driven():
     launch = steady_launch(gains={"attitude": 5.0, "rate": "3 s"}, turn=(0.4, -0.4))
-    mission = flown(launch, FeedbackCard(rate="raw", noise="published"))
+    mission = fly_loop(launch, FeedbackCard(rate="raw", noise="published"))
     nozzle, plant = mission.history[0, :, :, NOZZLE], launch.rotation.nozzle
     assert np.max(np.abs(nozzle)) <= plant.deflection_limit * (1.0 + 1e-12)
     assert np.max(np.abs(nozzle)) > 0.99 * plant.deflection_limit
@@ -76,7 +76,7 @@ def test_white_noise_moves_the_nozzle_as_a_lag_of_white_noise_says(record_proper
     # y' = a y + (1 - a) u with white u of sigma s: steps of sigma s (1 - a) sqrt(2 / (1 + a)), mean size sqrt(2/pi) of
     # it. The body answers far more slowly (gain x effectiveness = 0.01 rad/s), so that the loop is open.
     launch = steady_launch(100.0, gains={"attitude": 0.0, "rate": "1 s"}, effectiveness=0.01)
-    raw = flown(launch, FeedbackCard(rate="raw", attitude="true", noise="published"), runs=4)
+    raw = fly_loop(launch, FeedbackCard(rate="raw", attitude="true", noise="published"), runs=4)
     a = math.exp(-0.005 / 0.035)
     sigma = rate_noise(launch.imu, "published")
     rate = math.sqrt(2.0 / math.pi) * sigma * (1.0 - a) * math.sqrt(2.0 / (1.0 + a)) * 200.0
@@ -88,7 +88,7 @@ def test_white_noise_moves_the_nozzle_as_a_lag_of_white_noise_says(record_proper
 
 def test_the_filtered_rate_has_the_error_of_the_closed_form_and_moves_the_nozzle_as_two_lags_say(record_property):
     launch = steady_launch(100.0, gains={"attitude": 0.0, "rate": "1 s"}, effectiveness=0.01)
-    mission = flown(launch, FeedbackCard(rate="filtered", attitude="true", noise="published"), runs=4)
+    mission = fly_loop(launch, FeedbackCard(rate="filtered", attitude="true", noise="published"), runs=4)
     noise = rate_noise(launch.imu, "published")
     ratio = steady_ratio((0.02 / 200.0) ** 2, noise**2)
     assert mission.history[0, -1, 0, FORMAL] == pytest.approx(math.sqrt(ratio) * noise, rel=1e-9)
@@ -110,7 +110,7 @@ def test_envelopes_in_the_loop_are_those_of_the_formula():
     t = np.arange(4001) / 200.0
     rate = np.column_stack([0.02 * np.sin(1.5 * t), 0.01 * np.cos(0.7 * t)])
     launch = steady_launch(rate=rate, wind=(5.0, -3.0), moment=0.002, force=0.02, gust=2.0)
-    history = flown(launch, FeedbackCard(noise="published")).history[0]
+    history = fly_loop(launch, FeedbackCard(noise="published")).history[0]
     n = len(history)
     turning, jerk = envelopes(
         launch.envelope, launch.course.t[:n], np.ones(n, dtype=bool), np.array([-100.0]), rate[:n],
@@ -123,7 +123,7 @@ def test_envelopes_in_the_loop_are_those_of_the_formula():
 
 def test_ticks_inside_the_envelope_are_counted_as_the_history_shows():
     launch = steady_launch(gust=6.0, moment=0.006, force=0.03)
-    mission = flown(launch, FeedbackCard(noise="published"))
+    mission = fly_loop(launch, FeedbackCard(noise="published"))
     turning, bound = (mission.history[0, :, :, k] for k in (TURNING, TURNING_BOUND))
     inside = (np.abs(turning) <= bound).sum(axis=0)
     assert (inside < len(turning)).any()
@@ -160,7 +160,7 @@ def test_navigation_attitude_errs_as_the_steady_filter_of_its_reference_says(rec
 
 def test_wind_and_gusts_are_what_the_body_is_given():
     launch = steady_launch(400.0, gust=2.0, wind=(7.0, -4.0))
-    air = flown(launch, runs=3).history[..., AIR]
+    air = fly_loop(launch, runs=3).history[..., AIR]
     assert air[..., 0].mean() == pytest.approx(7.0, abs=3.0 * 2.0 / math.sqrt(1200.0))  # L / V = 1 s
     assert air[..., 1].mean() == pytest.approx(-4.0, abs=3.0 * 2.0 / math.sqrt(1200.0))
     assert air.std(axis=(0, 1)) == pytest.approx([2.0, 2.0], rel=0.1)
@@ -173,7 +173,7 @@ def test_a_motor_that_lights_takes_the_vehicle_from_where_it_points_to_its_attit
     body, n = launch.body, 2000
     body.motor[:n], body.effectiveness[:n], body.thrust_load[:n], body.thruster[:] = 0, 0.0, 0.0, 0.0
     launch.course.rate[:10] = 0.0
-    history = flown(launch).history[0, :, 0]
+    history = fly_loop(launch).history[0, :, 0]
     assert history[n - 1, ERROR] == pytest.approx(0.05, rel=0.02)
     assert np.max(np.abs(history[n:, ERROR])) < 0.005  # from its command, which begins with it
     acceleration = 0.05 / 2.0**2 + 2.0 * 0.005 / 2.0  # of the lag at its start: x / T^2 + 2 v / T
@@ -188,7 +188,7 @@ def test_guidance_asks_for_steps_of_the_size_that_it_has():
     guidance = Guidance.model_construct(from_stage=1, period=1.0, time=1e6, limit=0.2, velocity_sigma=0.0,
                                         command_sigma=0.005)  # fmt: skip
     launch = launch._replace(controller=card.model_copy(update={"guidance": guidance, "command_time": 0.05}))
-    rows = flown(launch).history[0]
+    rows = fly_loop(launch).history[0]
     commanded = np.cumsum(np.cumsum(rows[:, :, STEPPED], axis=0), axis=0) / 200.0
     asked = commanded[199::200]  # just before the next step
     assert asked.std(axis=0) == pytest.approx(0.005, rel=0.12)  # 400 of them: 7 % at two sigma

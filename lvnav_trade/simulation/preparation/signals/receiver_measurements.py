@@ -152,6 +152,7 @@ def _solution_shifts(line: Lines, is_tracked: Bools, errors: Floats) -> Floats:
     tracked_errors = np.where(is_tracked, errors, 0.0)
     erroneous = np.any(tracked_errors != 0.0, axis=1)
     n_tracked = is_tracked.sum(axis=1)
+    # epochs with equally many satellites are solved together; the tolerance is that of np.linalg.lstsq
     for n in np.unique(n_tracked[n_tracked >= 4]):
         epochs = np.flatnonzero(erroneous & (n_tracked == n))
         selection = is_tracked[epochs]

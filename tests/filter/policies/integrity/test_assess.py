@@ -35,7 +35,7 @@ def prepared_case(name, *settings):
 
 
 @lru_cache(maxsize=16)
-def flown(name, *settings):
+def simulate(name, *settings):
     return run_block(prepared_case(name, *settings), 3, 0, RUNS)
 
 
@@ -47,19 +47,19 @@ def first_decisions(block):
 
 @pytest.mark.parametrize("settings", [(), (LOOSE,)], ids=["tight", "loose"])
 def test_flights_without_a_fault_have_no_more_alarms_than_stated(settings):
-    runs = np.unique(flown("none", *settings).decisions[:, 0]).size
+    runs = np.unique(simulate("none", *settings).decisions[:, 0]).size
     assert runs <= binom.ppf(1.0 - 1e-4, RUNS, 1e-3)
 
 
 @pytest.mark.parametrize("name", ["channel", "clock", "inertial"])
 def test_what_failed_is_isolated_within_five_epochs(name):
-    _, t, kind = first_decisions(flown(name))
+    _, t, kind = first_decisions(simulate(name))
     right = (kind == FAULTS[name][1]) & (t >= START - 1e-9) & (t < START + 4.5)
     assert np.count_nonzero(right) >= 0.95 * RUNS
 
 
 def test_the_excluded_channel_is_that_of_the_fault():
-    block, case = flown("channel"), prepared_case("channel")
+    block, case = simulate("channel"), prepared_case("channel")
     affected = np.flatnonzero(np.any(case.sky.is_tracked[12:], axis=0) & (case.sky.elevation[12] == np.max(
         np.where(case.sky.is_tracked[12], case.sky.elevation[12], -9.0))))  # fmt: skip
     _, at = np.unique(block.decisions[:, 0], return_index=True)
@@ -69,7 +69,7 @@ def test_the_excluded_channel_is_that_of_the_fault():
 
 @pytest.mark.parametrize("name", ["clock", "inertial"])
 def test_inflation_brings_position_and_velocity_back_within_three_epochs(name):
-    block, good = flown(name), flown("none")
+    block, good = simulate(name), simulate("none")
     at = int(np.argmin(np.abs(block.t - (START + 2.0))))
     for states in (slice(3, 6), slice(6, 9)):
         sigma = np.sqrt(np.mean(np.sum(good.err[:, at, states] ** 2, axis=1)))
@@ -78,8 +78,8 @@ def test_inflation_brings_position_and_velocity_back_within_three_epochs(name):
 
 def test_a_filter_without_the_tests_keeps_the_error():
     scenario = with_fields(loaded(MATCHED), faults=FAULTS["channel"][0])
-    block, at = run_block(prepare_hop(scenario), 3, 0, 40), int(np.argmin(np.abs(flown("channel").t - 14.0)))
-    with_tests = np.linalg.norm(flown("channel").err[:40, at, 6:9], axis=1)
+    block, at = run_block(prepare_hop(scenario), 3, 0, 40), int(np.argmin(np.abs(simulate("channel").t - 14.0)))
+    with_tests = np.linalg.norm(simulate("channel").err[:40, at, 6:9], axis=1)
     assert np.median(np.linalg.norm(block.err[:, at, 6:9], axis=1)) > 3.0 * np.median(with_tests)
 
 
@@ -87,12 +87,12 @@ def test_a_filter_without_the_tests_keeps_the_error():
 @pytest.mark.parametrize("name", ["channel", "inertial"])
 def test_one_run_decides_as_it_does_among_eight(name):
     one = run_block(prepared_case(name), 3, 0, 2, uses_lanes=False)
-    np.testing.assert_array_equal(one.decisions, flown(name).decisions[flown(name).decisions[:, 0] < 2])
+    np.testing.assert_array_equal(one.decisions, simulate(name).decisions[simulate(name).decisions[:, 0] < 2])
 
 
 @pytest.mark.parametrize("name", ["channel", "clock"])
 def test_linear_covariance_decides_on_the_mean_and_agrees(name):
-    block, history = flown(name), covariance(prepared_case(name))
+    block, history = simulate(name), covariance(prepared_case(name))
     at = [int(np.argmin(np.abs(block.t - t))) for t in (11.0, 13.0, 16.0, 20.0)]
     size = history.true_sigma[at, 3:9]
     off = np.abs(block.err[:, at, 3:9].mean(axis=0) - history.mean[at, 3:9])
@@ -103,14 +103,14 @@ def test_linear_covariance_decides_on_the_mean_and_agrees(name):
 
 @pytest.mark.parametrize("name", ["none", "channel", "clock", "inertial"])
 def test_linear_covariance_logs_what_most_runs_decide(name):
-    found, (_, t, kind) = covariance(prepared_case(name)).decisions, first_decisions(flown(name))
+    found, (_, t, kind) = covariance(prepared_case(name)).decisions, first_decisions(simulate(name))
     assert len(found) == 0 if name == "none" else len(found) > 0
     if len(found):
         assert found[0, 1] == np.median(t)
         assert found[0, 2] == np.median(kind)
     if name == "channel":
-        _, at = np.unique(flown(name).decisions[:, 0], return_index=True)
-        assert found[0, 3] == np.median(flown(name).decisions[at, 3])
+        _, at = np.unique(simulate(name).decisions[:, 0], return_index=True)
+        assert found[0, 3] == np.median(simulate(name).decisions[at, 3])
 
 
 def held(faults, hold="5 s"):
@@ -136,7 +136,7 @@ def test_satellites_that_have_failed_do_not_return_into_the_fit_of_the_sound_one
     assert excluded == set(names)
     again = block.decisions[block.decisions[:, 1] > START + 6.0]
     assert np.unique(again[:, 0]).size == 80  # their hold time was over, and they were excluded anew
-    sound = np.median(late_errors(flown("none"), slice(6, 9)))
+    sound = np.median(late_errors(simulate("none"), slice(6, 9)))
     assert np.median(late_errors(block, slice(6, 9))) < 2.0 * sound
 
 
@@ -146,7 +146,7 @@ def test_a_unit_that_stays_wrong_is_learned_after_three_inertial_decisions():
     assert np.count_nonzero(kind == OF_INERTIAL) >= 0.95 * 80
     _, counts = np.unique(block.decisions[:, 0], return_counts=True)
     assert np.median(counts) < 6  # it is not decided epoch after epoch
-    sound = np.median(late_errors(flown("none"), slice(3, 6)))
+    sound = np.median(late_errors(simulate("none"), slice(3, 6)))
     assert np.median(late_errors(block, slice(3, 6))) < 3.0 * sound
 
 

@@ -25,7 +25,7 @@ CASES = [
 
 
 @lru_cache(maxsize=1)
-def flown():
+def all_flights():
     """Fly every case in ordinary Python, where the kernels need not be compiled."""
     found = subprocess.run(
         [sys.executable, "-m", "tests.filter.policies.integrity.dense", json.dumps(CASES)],
@@ -39,7 +39,7 @@ def flown():
 @pytest.mark.parametrize("name", UNIT)
 def test_a_unit_that_stays_wrong_has_no_satellite_excluded_for_long(name, count):
     for seed in SEEDS:
-        found, without = flown()[name, count, seed, True], flown()[name, 7, 1, False]
+        found, without = all_flights()[name, count, seed, True], all_flights()[name, 7, 1, False]
         assert found["kinds"].count(OF_INERTIAL) >= 3, found
         assert OF_CLOCK not in found["kinds"], found
         assert found["kinds"].count(OF_CHANNEL) <= (0 if count > 4 else 3), found
@@ -52,7 +52,7 @@ def test_a_unit_that_stays_wrong_has_no_satellite_excluded_for_long(name, count)
 @pytest.mark.parametrize(("name", "kind"), [("satellite", OF_CHANNEL), ("clock", OF_CLOCK), ("none", 0)])
 def test_failures_of_the_receiver_remain_what_they_are(name, kind):
     for seed in SEEDS:
-        found = flown()[name, 9, seed, True]
+        found = all_flights()[name, 9, seed, True]
         assert set(found["kinds"]) <= {kind}, found
         assert (found["first"] == 50) == (kind != 0), found
         assert found["named"] == ([1] if name == "satellite" else []), found
@@ -62,7 +62,7 @@ def test_failures_of_the_receiver_remain_what_they_are(name, kind):
 @pytest.mark.parametrize("seed", POOR)
 def test_ranges_of_four_satellites_that_jump_alone_have_jumped_with_the_clock(seed):
     """Four fit exactly, so a poor geometry takes a jump for one of position; but range rates have seen no motion."""
-    found, without = flown()["clock", 4, seed, True], flown()["none", 4, seed, True]
+    found, without = all_flights()["clock", 4, seed, True], all_flights()["none", 4, seed, True]
     assert found["kinds"] == [OF_CLOCK], found
     assert found["used"] == 4, found
     assert abs(found["largest"] - without["largest"]) < 1.0, (found, without)

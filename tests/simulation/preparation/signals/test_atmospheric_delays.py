@@ -49,7 +49,7 @@ def test_a_simple_correction_leaves_a_small_part_of_the_air():
 
 
 @lru_cache(maxsize=8)
-def flown(*settings, corrections="none"):
+def prepare_case(*settings, corrections="none"):
     scenario = with_fields(loaded(MATCHED, *settings), atmosphere=TRUE)
     models = {"troposphere": {"kind": corrections}, "ionosphere": {"kind": "matched"}}
     return prepare_hop(
@@ -59,7 +59,7 @@ def flown(*settings, corrections="none"):
 
 @pytest.mark.parametrize("settings", [(), (LOOSE,)], ids=["tight", "loose"])
 def test_what_is_not_corrected_is_the_same_mean_error_in_both_engines(settings):
-    prepared_case = flown(*settings)
+    prepared_case = prepare_case(*settings)
     history, block = covariance(prepared_case), run_block(prepared_case, 5, 0, 200)
     size = history.true_sigma[-1, :9]
     assert np.abs(history.mean[-1, 6:9]).max() > 1.0  # metres of air low in the sky

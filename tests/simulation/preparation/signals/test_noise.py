@@ -24,7 +24,7 @@ SHELL = {"ionosphere": {"kind": "content", "vertical": "60 TECU"}, "ionosphere_s
 
 
 @lru_cache(maxsize=16)
-def flown(coupling, *changed):
+def prepare_case(coupling, *changed):
     scenario = loaded(MATCHED, *([LOOSE] if coupling == "loose" else []))
     return prepare_hop(with_fields(scenario, **dict(changes(*changed))))
 
@@ -48,7 +48,7 @@ def own(prepared_case, **fields):
 
 @pytest.mark.parametrize("coupling", ["tight", "loose"])
 def test_both_engines_have_the_noise_of_the_schedule(coupling):
-    prepared_case = flown(coupling, "grown")
+    prepared_case = prepare_case(coupling, "grown")
     history, block = covariance(prepared_case), run_block(prepared_case, 5, 0, RUNS)
     at = [int(np.argmin(np.abs(prepared_case.t_hist - t))) for t in (5.0, 12.0, 20.0, 30.0)]
     ratio = np.mean(block.err[:, at] ** 2, axis=0) / (history.true_sigma[at] ** 2 + history.mean[at] ** 2)
@@ -56,13 +56,13 @@ def test_both_engines_have_the_noise_of_the_schedule(coupling):
     low, high = chi2.ppf([tail, 1.0 - tail], RUNS) / RUNS
     assert np.all((ratio > low) & (ratio < high)), ratio.round(2)
     # the noise matters: position under thrust is by far worse than with the constant noise
-    plain = covariance(flown(coupling))
+    plain = covariance(prepare_case(coupling))
     assert np.all(history.true_sigma[at[1], 6:9] > 1.5 * plain.true_sigma[at[1], 6:9])
 
 
 @pytest.mark.parametrize("coupling", ["tight", "loose"])
 def test_a_matched_filter_has_the_schedule_and_one_with_numbers_of_its_own_only_if_it_states_it(coupling):
-    grown, plain = flown(coupling, "grown"), flown(coupling)
+    grown, plain = prepare_case(coupling, "grown"), prepare_case(coupling)
     factor = noise_factor(grown.scenario.receiver.noise_by, "position", dynamics_at(grown.trajectory, grown.sky.t))[
         :, None
     ]
@@ -78,11 +78,11 @@ def test_a_matched_filter_has_the_schedule_and_one_with_numbers_of_its_own_only_
 
 @pytest.mark.parametrize("coupling", ["tight", "loose"])
 def test_the_self_check_expects_the_noise_of_the_schedule(coupling):
-    assert failed(measurement_checks(flown(coupling, "grown"), 20261121)) == []
+    assert failed(measurement_checks(prepare_case(coupling, "grown"), 20261121)) == []
 
 
 def test_a_conservative_schedule_of_the_filter_alone_covers_more_than_is_true():
-    plain = flown("tight")
+    plain = prepare_case("tight")
     conservative = covariance(own(plain, noise_by=GROWN))
     assert np.all(conservative.formal_sigma[-1, 6:9] > 1.02 * conservative.true_sigma[-1, 6:9])
     matched = covariance(plain)
@@ -90,7 +90,11 @@ def test_a_conservative_schedule_of_the_filter_alone_covers_more_than_is_true():
 
 
 def test_two_frequencies_remove_the_ionosphere_and_amplify_noise_and_multipath():
-    one, two, none = flown("tight", "shell", "multipath"), flown("tight", "shell", "two", "multipath"), flown("tight")
+    one, two, none = (
+        prepare_case("tight", "shell", "multipath"),
+        prepare_case("tight", "shell", "two", "multipath"),
+        prepare_case("tight"),
+    )
     assert np.abs(one.atmospheric_delays.ionosphere).max() > 1.0
     assert not np.any(two.atmospheric_delays.ionosphere)
     np.testing.assert_array_equal(two.signals.range, none.signals.range)

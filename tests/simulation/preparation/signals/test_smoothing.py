@@ -40,7 +40,7 @@ def prepared_case(smoothing, errors=False, filters="loose", slips=""):
 
 
 @lru_cache(maxsize=8)
-def flown(*args):
+def analyse(*args):
     found = prepared_case(*args)
     return found, covariance(found), run_block(found, 11, 0, RUNS)
 
@@ -57,7 +57,7 @@ def agree(history, runs, at, columns):
 
 
 def test_both_engines_have_the_smoothed_solution_and_what_a_filter_makes_of_it():
-    case, history, runs = flown((), True)
+    case, history, runs = analyse((), True)
     at = [4, 12, 20, len(case.t_hist) - 1]
     agree(history, runs, at, list(range(N_STATE)))
     agree(history, runs, at, list(range(N_STATE, N_STATE + 8)))
@@ -66,7 +66,7 @@ def test_both_engines_have_the_smoothed_solution_and_what_a_filter_makes_of_it()
 
 
 def test_the_backward_pass_of_the_smoothed_solution_is_the_forward_one():
-    case, history, _ = flown((), True)
+    case, history, _ = analyse((), True)
     back = adjoint(case, 30.0)
     np.testing.assert_allclose(
         back.contribution.sum(axis=2).T, history.budget[-1, :, :9], rtol=1e-8, atol=1e-12 * history.budget[-1].max()
@@ -75,8 +75,8 @@ def test_the_backward_pass_of_the_smoothed_solution_is_the_forward_one():
 
 def test_errors_of_the_solution_last_as_long_as_the_window():
     """Of white code the average's variance is that of the closed form, and so is what two epochs have in common."""
-    case, _, runs = flown((), False)
-    plain = flown(None, False)
+    case, _, runs = analyse((), False)
+    plain = analyse(None, False)
     position = slice(N_STATE + 3, N_STATE + 6)
     at = int(np.argmin(np.abs(case.t_hist - case.t_epoch[-1])))
     error, before = runs.err[:, at, position], runs.err[:, at - 1, position]
@@ -85,7 +85,7 @@ def test_errors_of_the_solution_last_as_long_as_the_window():
     # what is in common from run to run is code; the phase has 2 mm
     assert smoothed == pytest.approx(a / (2.0 - a), rel=0.15)
     assert np.sum(error * before) / np.sum(before**2) == pytest.approx(1.0 - a, abs=0.06)
-    ratio = plain[1].true_sigma[at, position] / flown((), False)[1].true_sigma[at, position]
+    ratio = plain[1].true_sigma[at, position] / analyse((), False)[1].true_sigma[at, position]
     np.testing.assert_allclose(ratio, np.sqrt((2.0 - a) / a), rtol=0.02)
 
 
@@ -106,7 +106,7 @@ def test_states_of_the_average_have_the_closed_form_of_the_window():
 
 def test_a_velocity_of_carrier_differences_is_late_by_half_an_interval_unless_it_is_centred():
     doppler, late, centred = (
-        flown((("velocity", name), *more), False)
+        analyse((("velocity", name), *more), False)
         for name, more in (
             ("doppler", ()), ("backward", (("rate_interval", "0.2 s"),)), ("centred", (("rate_interval", "0.2 s"),)),
         )
@@ -122,7 +122,7 @@ def test_a_velocity_of_carrier_differences_is_late_by_half_an_interval_unless_it
 
 
 def test_an_uncoupled_system_reports_both_solutions_and_fuses_nothing():
-    case, history, runs = flown(None, False, "uncoupled")
+    case, history, runs = analyse(None, False, "uncoupled")
     inertial = prepare_hop(loaded(MATCHED, "base.filter=filters/inertial"))
     alone, free = covariance(inertial), run_block(inertial, 11, 0, RUNS)
     np.testing.assert_allclose(runs.err[:, :, :N_STATE], free.err, rtol=1e-9, atol=1e-8)
@@ -130,7 +130,7 @@ def test_an_uncoupled_system_reports_both_solutions_and_fuses_nothing():
     at = [5, 15, len(case.t_hist) - 1]
     agree(history, runs, at, list(range(N_STATE)))
     agree(history, runs, at, list(range(N_STATE, N_STATE + 8)))
-    coupled = flown(None, False)[1]
+    coupled = analyse(None, False)[1]
     np.testing.assert_allclose(history.true_sigma[:, N_STATE:], coupled.true_sigma[:, N_STATE:], rtol=1e-9)
     np.testing.assert_allclose(history.budget.sum(axis=1), history.true_sigma**2, rtol=1e-9, atol=1e-30)
 
@@ -157,7 +157,7 @@ def test_a_slip_that_the_receiver_notices_starts_its_average_again():
 
 
 def test_a_slip_that_the_receiver_does_not_notice_moves_the_solution_in_both_engines():
-    _, history, runs = flown((), False, "loose", "unnoticed")
+    _, history, runs = analyse((), False, "loose", "unnoticed")
     before, just_after = 11, 13
     position = slice(N_STATE + 3, N_STATE + 6)
     shift = np.linalg.norm(history.mean[:, position], axis=1)

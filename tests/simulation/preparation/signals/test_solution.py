@@ -25,7 +25,7 @@ RUNS = 1000
 
 
 @lru_cache(maxsize=8)
-def flown(solution: str, coupling: str, compensation: str, **fields: str):
+def analyse(solution: str, coupling: str, compensation: str, **fields: str):
     """Prepare, cover and fly a matched case: 300 ms late where the delay is compensated."""
     text = loaded(MATCHED, f"base.filter=filters/{coupling}", "base.receiver=receivers/l1_two_metre").model_dump(
         mode="json"
@@ -54,7 +54,7 @@ each = pytest.mark.parametrize(("solution", "coupling", "compensation"), CASES)
 
 @each
 def test_runs_lie_within_the_interval_of_the_true_sigma_and_about_its_mean(solution, coupling, compensation):
-    case, history, runs = flown(solution, coupling, compensation)
+    case, history, runs = analyse(solution, coupling, compensation)
     at = [8, 16, len(case.t_hist) - 1]
     asked = 9 * len(at)
     low, high = np.sqrt(chi2.ppf([0.005 / asked, 1.0 - 0.005 / asked], RUNS - 1) / (RUNS - 1))
@@ -66,7 +66,7 @@ def test_runs_lie_within_the_interval_of_the_true_sigma_and_about_its_mean(solut
 
 @each
 def test_the_filter_assumes_in_the_runs_what_it_assumes_on_the_nominal_flight(solution, coupling, compensation):
-    _, history, runs = flown(solution, coupling, compensation)
+    _, history, runs = analyse(solution, coupling, compensation)
     assumed = np.sqrt(np.mean(runs.sigma[:, 5:, :9] ** 2, axis=0))
     np.testing.assert_allclose(assumed, history.formal_sigma[5:, :9], rtol=2e-3)
     with np.errstate(invalid="ignore"):
@@ -77,34 +77,34 @@ def test_the_filter_assumes_in_the_runs_what_it_assumes_on_the_nominal_flight(so
 
 @each
 def test_backwards_the_budget_is_that_of_the_way_forwards(solution, coupling, compensation):
-    case, history, _ = flown(solution, coupling, compensation)
+    case, history, _ = analyse(solution, coupling, compensation)
     back = adjoint(case, float(case.t_hist[-1])).contribution.sum(axis=2)
     np.testing.assert_allclose(back, history.budget[-1, :, :9].T, rtol=1e-8, atol=1e-9 * back.sum(axis=1).min())
 
 
 def test_behind_a_receivers_own_filter_the_formal_covariance_is_far_too_small():
     """Coloured errors taken for new ones at every epoch: the true NEES is that of the cascade."""
-    case, history, runs = flown("filtered", "loose", "")
+    case, history, runs = analyse("filtered", "loose", "")
     n = case.layout.n_estimated
     assert history.expected_nees[-1] > 1.5 * n
     assert runs.nees[:, -1].mean() == pytest.approx(history.expected_nees[-1], rel=0.1)
-    white, history, _ = flown("direct", "loose", "buffered")
+    white, history, _ = analyse("direct", "loose", "buffered")
     assert history.expected_nees[-1] == pytest.approx(white.layout.n_estimated, rel=0.05)
 
 
 def test_a_wrong_delay_displaces_by_the_speed_times_what_is_wrong():
-    case, history, _ = flown("direct", "tight", "buffered", delay="290 ms")
+    case, history, _ = analyse("direct", "tight", "buffered", delay="290 ms")
     speed = np.linalg.norm(case.record.v[-1])
     displaced = np.linalg.norm(history.mean[-1, 6:9])
     assert displaced == pytest.approx(0.010 * speed, rel=0.1)
 
 
 def test_a_simulated_solution_has_no_memory_and_its_axes_their_own_noise():
-    case, _, _ = flown("direct", "loose", "extrapolated")
+    case, _, _ = analyse("direct", "loose", "extrapolated")
     chain = direct_error_model(case.signals, case.signals.variance)
     assert not chain.transition.any()
     np.testing.assert_array_equal(chain.noise_input[3], -np.eye(6))
     np.testing.assert_allclose(chain.reported_covariance[3], np.diag([2.2**2] * 3 + [0.11**2] * 3))
     assert chain.noise_type.min() > RANGE
     # in memory as those of a receiver that solves: in another order they would be a kernel of their own
-    assert all(array.flags.c_contiguous for array in (*chain, *flown("point", "loose", "")[0].chain))
+    assert all(array.flags.c_contiguous for array in (*chain, *analyse("point", "loose", "")[0].chain))
